@@ -1,0 +1,1 @@
+//! A thin layer over wgpu: device choice, frame recorder, shader linking.

@@ -1,0 +1,1 @@
+//! Linear images: EXR, HDR and PNG, colour, error metrics.

@@ -1,0 +1,1 @@
+//! Compare, sweep and bench techniques against a reference.

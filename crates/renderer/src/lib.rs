@@ -1,0 +1,1 @@
+//! Real-time shadows, indirect light and caustics on wgpu.

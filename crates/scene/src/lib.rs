@@ -1,0 +1,17 @@
+//! What is lit, on the CPU: scenes from glTF, OBJ and from code.
+//!
+//! A [`Scene`] is plain data without any GPU object: meshes, materials, images, lights and cameras under a
+//! node hierarchy. [`load`] reads a file or a built-in scene; everything a file can say is checked there, so that
+//! the rest of chiaro may rely on the invariants that [`model`] states.
+//!
+//! Conventions: right-handed, Y up, metres; cameras and lights look along their −Z; colours linear Rec. 709;
+//! light is photometric (candela, lux, nits).
+
+pub mod builtin;
+mod error;
+mod import;
+pub mod model;
+
+pub use error::SceneError;
+pub use import::load;
+pub use model::*;

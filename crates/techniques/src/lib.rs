@@ -1,0 +1,1 @@
+//! The lighting techniques, one folder each.

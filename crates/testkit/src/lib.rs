@@ -1,0 +1,1 @@
+//! Headless device, golden images and references for tests.
