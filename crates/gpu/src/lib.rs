@@ -1,1 +1,31 @@
-//! A thin layer over wgpu: device choice, frame recorder, shader linking.
+//! A thin layer over wgpu: which device to use, how passes are recorded and timed, how shaders are linked.
+//!
+//! - [`Gpu`]: a device with the features chiaro can use; made here or handed in by a host program.
+//! - [`shader`]: WESL modules → one WGSL text per entry file and permutation → reflection → pipelines.
+//! - [`Frame`]: records passes. The handles that fill a pass' bind groups are its reads and writes, so one log gives
+//!   the timing table, the frame diagram and a read-before-write assertion.
+//! - [`Texture`], [`Buffer`], [`TexturePool`]: handles with an identity, so that bind groups are made once and found
+//!   again.
+//! - [`Readback`]: pixels back on the CPU, without blocking.
+//!
+//! Nothing here knows about light.
+
+mod device;
+mod error;
+mod frame;
+mod pipeline;
+mod profile;
+mod readback;
+mod resource;
+pub mod shader;
+
+pub use device::{AdapterChoice, Created, Gpu, GpuOptions, LimitChoice, OptionalFeatures};
+pub use error::GpuError;
+pub use frame::{
+    Attachment, Bind, DepthAttachment, Dispatch, Draw, Frame, PassLog, Recorder, RenderPass, Targets,
+};
+pub use pipeline::{ComputePipeline, RenderPipeline, RenderPipelineOptions};
+pub use profile::{FrameTimings, PassTiming};
+pub use readback::{Pixels, Readback};
+pub use resource::{Binding, Buffer, Group, GroupLayout, Life, Texture, TextureOptions, TexturePool};
+pub use wgpu;

@@ -1,0 +1,247 @@
+//! Choosing an adapter and making a device with what chiaro can use.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::GpuError;
+
+/// Which adapter to take.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum AdapterChoice {
+    /// `CHIARO_ADAPTER` (part of a name) if set, else the best: discrete, integrated, virtual, software.
+    #[default]
+    Best,
+    /// The first whose name contains this, whatever the case.
+    Named(String),
+    /// A software adapter.
+    Software,
+}
+
+/// How much to ask of the adapter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LimitChoice {
+    /// What WebGPU guarantees, with larger buffers and textures where the adapter has them.
+    #[default]
+    Adapter,
+    /// Exactly what WebGPU guarantees and no optional feature but timestamps: what every browser has.
+    Guaranteed,
+}
+
+/// How to choose and open a device.
+#[derive(Clone, Debug, Default)]
+pub struct GpuOptions {
+    /// Which adapter.
+    pub adapter: AdapterChoice,
+    /// Which limits.
+    pub limits: LimitChoice,
+}
+
+/// Optional features that chiaro uses where they exist; everything works without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OptionalFeatures {
+    /// GPU time of every pass.
+    pub timestamps: bool,
+    /// Triangle number in the fragment stage: the visibility pass shares vertices between triangles.
+    pub primitive_index: bool,
+    /// Depth clamp: casters in front of a shadow view's near plane are kept.
+    pub depth_clip_control: bool,
+    /// Filtering of 32-bit float textures: moment shadow maps in full precision.
+    pub float32_filterable: bool,
+}
+
+impl OptionalFeatures {
+    const TABLE: [(wgpu::Features, &'static str, &'static str); 4] = [
+        (wgpu::Features::TIMESTAMP_QUERY, "timestamp-query", "GPU time of every pass"),
+        (wgpu::Features::PRIMITIVE_INDEX, "primitive-index", "visibility pass with shared vertices"),
+        (wgpu::Features::DEPTH_CLIP_CONTROL, "depth-clip-control", "shadow casters before the near plane"),
+        (wgpu::Features::FLOAT32_FILTERABLE, "float32-filterable", "full-precision moment shadow maps"),
+    ];
+
+    /// All of them as wgpu's flags.
+    pub fn all_flags() -> wgpu::Features {
+        Self::TABLE.iter().fold(wgpu::Features::empty(), |all, (flag, _, _)| all | *flag)
+    }
+
+    fn from_flags(flags: wgpu::Features) -> Self {
+        Self {
+            timestamps: flags.contains(wgpu::Features::TIMESTAMP_QUERY),
+            primitive_index: flags.contains(wgpu::Features::PRIMITIVE_INDEX),
+            depth_clip_control: flags.contains(wgpu::Features::DEPTH_CLIP_CONTROL),
+            float32_filterable: flags.contains(wgpu::Features::FLOAT32_FILTERABLE),
+        }
+    }
+}
+
+/// Counts of GPU objects made through [`Gpu`] since it exists. A frame in steady state adds none.
+#[derive(Debug, Default)]
+pub struct Created {
+    objects: AtomicU64,
+}
+
+impl Created {
+    /// Buffers, textures, bind groups and pipelines made so far.
+    pub fn total(&self) -> u64 {
+        self.objects.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn add(&self) {
+        self.objects.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// A device, its queue, and what it can do. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Gpu {
+    /// wgpu's device.
+    pub device: wgpu::Device,
+    /// wgpu's queue.
+    pub queue: wgpu::Queue,
+    /// Who made the adapter, and of what kind it is.
+    pub info: wgpu::AdapterInfo,
+    /// Optional features in use.
+    pub optional: OptionalFeatures,
+    /// Limits the device was made with.
+    pub limits: wgpu::Limits,
+    /// Objects made so far.
+    pub created: Arc<Created>,
+    problems: Arc<Mutex<Vec<GpuError>>>,
+}
+
+impl Gpu {
+    /// Features that a device handed to [`Gpu::from_device`] must have.
+    pub fn required_features() -> wgpu::Features {
+        wgpu::Features::empty()
+    }
+
+    /// Limits that a device handed to [`Gpu::from_device`] must have: those WebGPU guarantees.
+    pub fn required_limits() -> wgpu::Limits {
+        wgpu::Limits::default()
+    }
+
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// When no adapter matches, or it cannot give the guaranteed WebGPU limits.
+    pub async fn new(options: GpuOptions) -> Result<Self, GpuError> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::PRIMARY;
+        let instance = wgpu::Instance::new(descriptor.with_env());
+        let adapters = instance.enumerate_adapters(wgpu::Backends::all()).await;
+        let adapter = choose(adapters, &options.adapter)?;
+        Self::open(&adapter, options.limits).await
+    }
+
+    /// Opens a device on an adapter, for programs that choose it themselves (a window's surface, say).
+    ///
+    /// # Errors
+    /// When the adapter cannot give the guaranteed WebGPU limits.
+    pub async fn open(adapter: &wgpu::Adapter, limits: LimitChoice) -> Result<Self, GpuError> {
+        let info = adapter.get_info();
+        let mut wanted = OptionalFeatures::all_flags();
+        let mut required_limits = wgpu::Limits::default();
+        match limits {
+            LimitChoice::Guaranteed => wanted = wgpu::Features::TIMESTAMP_QUERY,
+            LimitChoice::Adapter => {
+                let has = adapter.limits();
+                required_limits.max_buffer_size = has.max_buffer_size;
+                required_limits.max_storage_buffer_binding_size = has.max_storage_buffer_binding_size;
+                required_limits.max_texture_dimension_2d = has.max_texture_dimension_2d;
+            }
+        }
+        let mut missing = Vec::new();
+        required_limits.check_limits_with_fail_fn(&adapter.limits(), false, |name, needed, has| {
+            missing.push(format!("{name} = {needed} (it has {has})"));
+        });
+        if !missing.is_empty() {
+            return Err(GpuError::Missing { adapter: info.name, what: missing.join(", ") });
+        }
+        let (device, queue) = adapter
+            .request_device(&wgpu::DeviceDescriptor {
+                label: Some("chiaro"),
+                required_features: adapter.features() & wanted,
+                required_limits,
+                ..Default::default()
+            })
+            .await
+            .map_err(|e| GpuError::NoDevice { adapter: info.name.clone(), reason: e.to_string() })?;
+        Ok(Self::from_device(device, queue, info))
+    }
+
+    /// Uses a host program's device. Its uncaptured-error handler is replaced: ask [`Gpu::check`] instead.
+    pub fn from_device(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Self {
+        let problems = Arc::new(Mutex::new(Vec::new()));
+        let sink = problems.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            push(&sink, GpuError::Device(error.to_string()));
+        }));
+        let sink = problems.clone();
+        device.set_device_lost_callback(move |reason, message| {
+            // A device that its owner dropped is no news.
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                push(&sink, GpuError::DeviceLost(message));
+            }
+        });
+        let optional = OptionalFeatures::from_flags(device.features());
+        let limits = device.limits();
+        Self { device, queue, info, optional, limits, created: Arc::default(), problems }
+    }
+
+    /// The first error that wgpu reported since the last call.
+    ///
+    /// # Errors
+    /// That error.
+    pub fn check(&self) -> Result<(), GpuError> {
+        let mut problems = self.problems.lock().unwrap_or_else(PoisonError::into_inner);
+        let first = problems.drain(..).next();
+        first.map_or(Ok(()), Err)
+    }
+
+    /// Whether the adapter runs on the CPU.
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Optional features with what they are for, and whether this device has them.
+    pub fn feature_table(&self) -> impl Iterator<Item = (&'static str, &'static str, bool)> {
+        let has = self.device.features();
+        OptionalFeatures::TABLE.into_iter().map(move |(flag, name, what)| (name, what, has.contains(flag)))
+    }
+}
+
+fn push(problems: &Mutex<Vec<GpuError>>, error: GpuError) {
+    tracing::error!("{error}");
+    problems.lock().unwrap_or_else(PoisonError::into_inner).push(error);
+}
+
+fn rank(kind: wgpu::DeviceType) -> u8 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+fn choose(mut adapters: Vec<wgpu::Adapter>, choice: &AdapterChoice) -> Result<wgpu::Adapter, GpuError> {
+    let environment = std::env::var("CHIARO_ADAPTER").ok().filter(|name| !name.is_empty());
+    let choice = match (choice, environment) {
+        (AdapterChoice::Best, Some(name)) => AdapterChoice::Named(name),
+        (choice, _) => choice.clone(),
+    };
+    adapters.sort_by_key(|adapter| rank(adapter.get_info().device_type));
+    let found: Vec<String> = adapters.iter().map(|adapter| adapter.get_info().name).collect();
+    let matches = |info: &wgpu::AdapterInfo| match &choice {
+        AdapterChoice::Best => true,
+        AdapterChoice::Named(part) => info.name.to_lowercase().contains(&part.to_lowercase()),
+        AdapterChoice::Software => info.device_type == wgpu::DeviceType::Cpu,
+    };
+    adapters.into_iter().find(|adapter| matches(&adapter.get_info())).ok_or_else(|| GpuError::NoAdapter {
+        wanted: match choice {
+            AdapterChoice::Best => "at all".into(),
+            AdapterChoice::Named(part) => format!("named “{part}”"),
+            AdapterChoice::Software => "that runs in software".into(),
+        },
+        found: if found.is_empty() { "none".into() } else { found.join(", ") },
+    })
+}

@@ -1,0 +1,466 @@
+//! Recording a frame.
+//!
+//! A pass is a pipeline and the handles that fill its bind groups. What it reads is group 0–2, what it writes is
+//! group 3 and its attachments; nothing is listed by hand.
+
+use std::collections::{HashMap, HashSet};
+
+use wgpu_profiler::GpuProfiler;
+
+use crate::pipeline::{FIRST_OWN_GROUP, Interface};
+use crate::profile::{FrameTimings, profiler};
+use crate::resource::{Binding, Group, Life, Texture};
+use crate::{Buffer, ComputePipeline, Gpu, GpuError, RenderPipeline};
+
+/// A handle for the WESL global of that name.
+pub type Bind<'a> = (&'static str, Binding<'a>);
+
+/// How many workgroups to start.
+#[derive(Clone, Copy, Debug)]
+pub enum Dispatch<'a> {
+    /// Exactly these.
+    Groups([u32; 3]),
+    /// Enough to cover so many invocations with the pipeline's own workgroup size.
+    Threads([u32; 3]),
+    /// As many as a buffer says at a byte offset.
+    Indirect(&'a Buffer, u64),
+}
+
+/// What to draw.
+#[derive(Clone, Copy, Debug)]
+pub enum Draw<'a> {
+    /// A triangle that covers the target.
+    FullScreen,
+    /// As a `DrawIndirect` at a byte offset says.
+    Indirect(&'a Buffer, u64),
+    /// As a `DrawIndexedIndirect` at a byte offset says, with 32-bit indices.
+    IndexedIndirect {
+        /// Indices.
+        indices: &'a Buffer,
+        /// Arguments.
+        arguments: &'a Buffer,
+        /// Byte offset of the arguments.
+        offset: u64,
+    },
+}
+
+/// A colour target.
+#[derive(Clone, Copy, Debug)]
+pub struct Attachment<'a> {
+    /// Drawn into.
+    pub texture: &'a Texture,
+    /// Colour before the first draw; `None` keeps what is there.
+    pub clear: Option<wgpu::Color>,
+    /// Receives the samples' mean.
+    pub resolve: Option<&'a Texture>,
+}
+
+/// A depth target.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthAttachment<'a> {
+    /// Drawn into.
+    pub texture: &'a Texture,
+    /// Array layer.
+    pub layer: u32,
+    /// Depth before the first draw; `None` keeps what is there.
+    pub clear: Option<f32>,
+}
+
+/// Where a render pass draws.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Targets<'a> {
+    /// Colour targets.
+    pub color: &'a [Attachment<'a>],
+    /// Depth target.
+    pub depth: Option<DepthAttachment<'a>>,
+}
+
+/// One pass in the log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PassLog {
+    /// `technique/step`.
+    pub name: &'static str,
+    /// Names of what it reads.
+    pub reads: Vec<&'static str>,
+    /// Names of what it writes.
+    pub writes: Vec<&'static str>,
+}
+
+struct CachedGroup {
+    bind_group: wgpu::BindGroup,
+    last_frame: u64,
+}
+
+/// What lives from frame to frame: bind groups, staging memory, the profiler and the last frame's log.
+pub struct Recorder {
+    gpu: Gpu,
+    profiler: Option<GpuProfiler>,
+    groups: HashMap<Box<[u64]>, CachedGroup>,
+    belt: wgpu::util::StagingBelt,
+    key: Vec<u64>,
+    log: Vec<PassLog>,
+    written: HashSet<u64>,
+    frame: u64,
+    timings: Vec<FrameTimings>,
+}
+
+impl std::fmt::Debug for Recorder {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Recorder").field("frame", &self.frame).field("groups", &self.groups.len()).finish()
+    }
+}
+
+/// Bind groups that no frame used for so many frames are dropped, and with them the textures they hold.
+const KEEP_FRAMES: u64 = 32;
+
+impl Recorder {
+    /// A recorder; with `timed`, every pass is timed where the device can.
+    pub fn new(gpu: &Gpu, timed: bool) -> Self {
+        Self {
+            profiler: profiler(gpu, timed),
+            groups: HashMap::new(),
+            belt: wgpu::util::StagingBelt::new(gpu.device.clone(), 1 << 16),
+            key: Vec::new(),
+            log: Vec::new(),
+            written: HashSet::new(),
+            frame: 0,
+            timings: Vec::new(),
+            gpu: gpu.clone(),
+        }
+    }
+
+    /// Starts a frame with an encoder of its own.
+    pub fn begin(&mut self) -> Frame<'_> {
+        let encoder =
+            self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
+        self.begin_in(encoder)
+    }
+
+    /// Starts a frame in a host program's encoder. Hand it back to the host with [`Frame::finish`], and call
+    /// [`Recorder::submitted`] after the host submitted it.
+    pub fn begin_in(&mut self, encoder: wgpu::CommandEncoder) -> Frame<'_> {
+        self.frame += 1;
+        self.log.clear();
+        self.written.clear();
+        let frame = self.frame;
+        self.groups.retain(|_, group| frame - group.last_frame <= KEEP_FRAMES);
+        Frame { recorder: self, encoder }
+    }
+
+    /// To be called once the frame's commands were submitted.
+    pub fn submitted(&mut self) {
+        if let Some(profiler) = &mut self.profiler {
+            if let Err(e) = profiler.end_frame() {
+                tracing::warn!("GPU timings of a frame were lost: {e}");
+            }
+            while let Some(results) = profiler.process_finished_frame(self.gpu.queue.get_timestamp_period()) {
+                self.timings.push(FrameTimings::from_results(&results));
+            }
+        }
+    }
+
+    /// Timings that have arrived since the last call, oldest first. They lag the frames they belong to.
+    pub fn take_timings(&mut self) -> Vec<FrameTimings> {
+        std::mem::take(&mut self.timings)
+    }
+
+    /// Blocks until all submitted frames are done and their timings here. For command lines and tests only.
+    ///
+    /// # Errors
+    /// When the device was lost or reported an error.
+    pub fn wait(&mut self) -> Result<(), GpuError> {
+        self.gpu
+            .device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|e| GpuError::DeviceLost(e.to_string()))?;
+        if let Some(profiler) = &mut self.profiler {
+            while let Some(results) = profiler.process_finished_frame(self.gpu.queue.get_timestamp_period()) {
+                self.timings.push(FrameTimings::from_results(&results));
+            }
+        }
+        self.gpu.check()
+    }
+
+    /// The passes of the last frame with what they read and wrote.
+    pub fn log(&self) -> &[PassLog] {
+        &self.log
+    }
+
+    /// The bind group of a pass' own group `slot` (0 inputs, 1 outputs), made once and found again.
+    fn own_group(
+        &mut self,
+        interface: &Interface,
+        slot: usize,
+        binds: &[Bind<'_>],
+    ) -> Option<wgpu::BindGroup> {
+        let (layout_id, layout) = interface.layouts[slot].as_ref()?;
+        self.key.clear();
+        self.key.push(*layout_id);
+        for wanted in &interface.own[slot] {
+            let (id, offset) = find(interface, binds, &wanted.name).key();
+            self.key.extend([id, offset]);
+        }
+        if let Some(group) = self.groups.get_mut(self.key.as_slice()) {
+            group.last_frame = self.frame;
+            return Some(group.bind_group.clone());
+        }
+        let entries: Vec<_> = interface.own[slot]
+            .iter()
+            .map(|wanted| wgpu::BindGroupEntry {
+                binding: wanted.binding,
+                resource: find(interface, binds, &wanted.name).resource(),
+            })
+            .collect();
+        self.gpu.created.add();
+        let bind_group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(&interface.label),
+            layout,
+            entries: &entries,
+        });
+        let cached = CachedGroup { bind_group: bind_group.clone(), last_frame: self.frame };
+        self.groups.insert(self.key.as_slice().into(), cached);
+        Some(bind_group)
+    }
+
+    /// Notes what a pipeline reads and writes.
+    ///
+    /// # Panics
+    /// In debug builds, when it reads what this frame has not written: a pass is missing or comes too late.
+    fn note(&mut self, name: &'static str, interface: &Interface, shared: &[&Group], binds: &[Bind<'_>]) {
+        for group in shared.iter().filter(|g| interface.shared.contains(&g.index)) {
+            for (binding, id, life) in &group.reads {
+                self.read(name, binding, *id, *life);
+            }
+        }
+        for (slot, own) in interface.own.iter().enumerate() {
+            for wanted in own {
+                if let Some((id, resource, life)) = find(interface, binds, &wanted.name).logged() {
+                    if slot == 1 { self.wrote(resource, id) } else { self.read(name, resource, id, life) }
+                }
+            }
+        }
+    }
+
+    fn read(&mut self, pass: &'static str, resource: &'static str, id: u64, life: Life) {
+        debug_assert!(
+            life == Life::Kept || self.written.contains(&id),
+            "pass {pass} reads {resource} before this frame wrote it"
+        );
+        if let Some(entry) = self.log.last_mut()
+            && !entry.reads.contains(&resource)
+        {
+            entry.reads.push(resource);
+        }
+    }
+
+    fn wrote(&mut self, resource: &'static str, id: u64) {
+        self.written.insert(id);
+        if let Some(entry) = self.log.last_mut()
+            && !entry.writes.contains(&resource)
+        {
+            entry.writes.push(resource);
+        }
+    }
+}
+
+/// The handle given for a shader's global.
+///
+/// # Panics
+/// When none was given: a mistake in the pass' Rust code, found at its first frame.
+fn find<'a>(interface: &Interface, binds: &[Bind<'a>], name: &str) -> Binding<'a> {
+    match binds.iter().find(|(given, _)| *given == name) {
+        Some((_, binding)) => *binding,
+        None => panic!("{} needs a handle for `{name}`, but none was given", interface.label),
+    }
+}
+
+/// A frame being recorded.
+#[derive(Debug)]
+pub struct Frame<'r> {
+    recorder: &'r mut Recorder,
+    encoder: wgpu::CommandEncoder,
+}
+
+impl Frame<'_> {
+    /// The device this frame runs on.
+    pub fn gpu(&self) -> &Gpu {
+        &self.recorder.gpu
+    }
+
+    /// Copies `data` to the start of a buffer before the passes that follow.
+    pub fn upload<T: bytemuck::NoUninit>(&mut self, buffer: &Buffer, data: &[T]) {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let Some(size) = std::num::NonZeroU64::new(bytes.len() as u64) else { return };
+        self.recorder.belt.write_buffer(&mut self.encoder, buffer.raw(), 0, size).copy_from_slice(bytes);
+        self.recorder.written.insert(buffer.id());
+    }
+
+    /// Zeroes a buffer before the passes that follow.
+    pub fn clear(&mut self, buffer: &Buffer) {
+        self.encoder.clear_buffer(buffer.raw(), 0, None);
+        self.recorder.written.insert(buffer.id());
+    }
+
+    /// Records a compute pass.
+    ///
+    /// # Panics
+    /// When `binds` lacks a handle that the shader needs, or (debug) it reads what was not written.
+    pub fn compute(
+        &mut self,
+        name: &'static str,
+        pipeline: &ComputePipeline,
+        shared: &[&Group],
+        binds: &[Bind<'_>],
+        dispatch: Dispatch<'_>,
+    ) {
+        let recorder = &mut *self.recorder;
+        let interface = &pipeline.interface;
+        recorder.log.push(PassLog { name, reads: Vec::new(), writes: Vec::new() });
+        recorder.note(name, interface, shared, binds);
+        let own = [0, 1].map(|slot| recorder.own_group(interface, slot, binds));
+        let query = recorder.profiler.as_ref().map(|p| p.begin_pass_query(name, &mut self.encoder));
+        {
+            let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some(name),
+                timestamp_writes: query.as_ref().and_then(|q| q.compute_pass_timestamp_writes()),
+            });
+            pass.set_pipeline(&pipeline.raw);
+            for group in shared.iter().filter(|g| interface.shared.contains(&g.index)) {
+                pass.set_bind_group(group.index, &group.bind_group, &[]);
+            }
+            for (index, group) in (FIRST_OWN_GROUP..).zip(&own) {
+                if let Some(group) = group {
+                    pass.set_bind_group(index, group, &[]);
+                }
+            }
+            match dispatch {
+                Dispatch::Groups([x, y, z]) => pass.dispatch_workgroups(x, y, z),
+                Dispatch::Threads(threads) => {
+                    let [x, y, z] = std::array::from_fn(|i| threads[i].div_ceil(interface.workgroup[i]));
+                    pass.dispatch_workgroups(x, y, z);
+                }
+                Dispatch::Indirect(buffer, offset) => pass.dispatch_workgroups_indirect(buffer.raw(), offset),
+            }
+        }
+        if let (Some(profiler), Some(query)) = (&recorder.profiler, query) {
+            profiler.end_query(&mut self.encoder, query);
+        }
+    }
+
+    /// Records a render pass; `draws` records what is drawn in it.
+    pub fn render(
+        &mut self,
+        name: &'static str,
+        targets: Targets<'_>,
+        draws: impl FnOnce(&mut RenderPass<'_, '_>),
+    ) {
+        let recorder = &mut *self.recorder;
+        recorder.log.push(PassLog { name, reads: Vec::new(), writes: Vec::new() });
+        for attachment in targets.color {
+            recorder.wrote(attachment.texture.name(), attachment.texture.id());
+            if let Some(resolve) = attachment.resolve {
+                recorder.wrote(resolve.name(), resolve.id());
+            }
+        }
+        if let Some(depth) = targets.depth {
+            recorder.wrote(depth.texture.name(), depth.texture.id());
+        }
+        let color: Vec<_> = targets
+            .color
+            .iter()
+            .map(|attachment| {
+                Some(wgpu::RenderPassColorAttachment {
+                    view: attachment.texture.layer_view(0),
+                    depth_slice: None,
+                    resolve_target: attachment.resolve.map(|texture| texture.layer_view(0)),
+                    ops: wgpu::Operations {
+                        load: attachment.clear.map_or(wgpu::LoadOp::Load, wgpu::LoadOp::Clear),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })
+            })
+            .collect();
+        let query = recorder.profiler.as_ref().map(|p| p.begin_pass_query(name, &mut self.encoder));
+        {
+            let raw = self.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some(name),
+                color_attachments: &color,
+                depth_stencil_attachment: targets.depth.map(|depth| wgpu::RenderPassDepthStencilAttachment {
+                    view: depth.texture.layer_view(depth.layer),
+                    depth_ops: Some(wgpu::Operations {
+                        load: depth.clear.map_or(wgpu::LoadOp::Load, wgpu::LoadOp::Clear),
+                        store: wgpu::StoreOp::Store,
+                    }),
+                    stencil_ops: None,
+                }),
+                timestamp_writes: query.as_ref().and_then(|q| q.render_pass_timestamp_writes()),
+                ..Default::default()
+            });
+            draws(&mut RenderPass { recorder, raw, name });
+        }
+        if let (Some(profiler), Some(query)) = (&recorder.profiler, query) {
+            profiler.end_query(&mut self.encoder, query);
+        }
+    }
+
+    /// Ends recording and submits.
+    pub fn submit(mut self) {
+        self.close();
+        self.recorder.gpu.queue.submit([self.encoder.finish()]);
+        self.recorder.submitted();
+    }
+
+    /// Ends recording and gives the encoder back to a host program.
+    pub fn finish(mut self) -> wgpu::CommandEncoder {
+        self.close();
+        self.encoder
+    }
+
+    fn close(&mut self) {
+        if let Some(profiler) = &mut self.recorder.profiler {
+            profiler.resolve_queries(&mut self.encoder);
+        }
+        self.recorder.belt.finish_and_recall_on_submit(&self.encoder);
+    }
+}
+
+/// A render pass being recorded.
+pub struct RenderPass<'a, 'e> {
+    recorder: &'a mut Recorder,
+    raw: wgpu::RenderPass<'e>,
+    name: &'static str,
+}
+
+impl std::fmt::Debug for RenderPass<'_, '_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RenderPass").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+impl RenderPass<'_, '_> {
+    /// Draws.
+    ///
+    /// # Panics
+    /// When `binds` lacks a handle that the shader needs, or (debug) it reads what was not written.
+    pub fn draw(&mut self, pipeline: &RenderPipeline, shared: &[&Group], binds: &[Bind<'_>], draw: Draw<'_>) {
+        let interface = &pipeline.interface;
+        self.recorder.note(self.name, interface, shared, binds);
+        self.raw.set_pipeline(&pipeline.raw);
+        for group in shared.iter().filter(|g| interface.shared.contains(&g.index)) {
+            self.raw.set_bind_group(group.index, &group.bind_group, &[]);
+        }
+        for slot in [0, 1] {
+            if let Some(group) = self.recorder.own_group(interface, slot, binds) {
+                self.raw.set_bind_group(FIRST_OWN_GROUP + slot as u32, &group, &[]);
+            }
+        }
+        match draw {
+            Draw::FullScreen => self.raw.draw(0..3, 0..1),
+            Draw::Indirect(buffer, offset) => self.raw.draw_indirect(buffer.raw(), offset),
+            Draw::IndexedIndirect { indices, arguments, offset } => {
+                self.raw.set_index_buffer(indices.raw().slice(..), wgpu::IndexFormat::Uint32);
+                self.raw.draw_indexed_indirect(arguments.raw(), offset);
+            }
+        }
+    }
+}

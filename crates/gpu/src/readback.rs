@@ -1,0 +1,143 @@
+//! Pixels back on the CPU.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use crate::{Gpu, GpuError, Texture};
+
+/// Bytes of a texture's first mip and layer, rows packed without padding.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pixels {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Texel format of `bytes`.
+    pub format: wgpu::TextureFormat,
+    /// `width · height` texels.
+    pub bytes: Vec<u8>,
+}
+
+impl Pixels {
+    /// Texels as `f32` channels, for 32-bit float formats.
+    pub fn floats(&self) -> Vec<f32> {
+        bytemuck::pod_collect_to_vec(&self.bytes)
+    }
+}
+
+/// A copy of a texture on its way to the CPU. Ask [`Readback::poll`] later, or [`Readback::wait`] where blocking is
+/// allowed.
+#[derive(Debug)]
+pub struct Readback {
+    buffer: wgpu::Buffer,
+    width: u32,
+    height: u32,
+    row: u32,
+    format: wgpu::TextureFormat,
+    state: Arc<AtomicU8>,
+}
+
+const PENDING: u8 = 0;
+const READY: u8 = 1;
+const FAILED: u8 = 2;
+
+impl Readback {
+    /// Records and submits the copy of a texture's first mip and layer.
+    ///
+    /// # Errors
+    /// When the staging buffer would be larger than the device allows.
+    pub fn start(gpu: &Gpu, texture: &Texture) -> Result<Self, GpuError> {
+        let options = texture.options();
+        let aspect = if options.format.has_depth_aspect() {
+            wgpu::TextureAspect::DepthOnly
+        } else {
+            wgpu::TextureAspect::All
+        };
+        let texel = options.format.block_copy_size(Some(aspect)).unwrap_or(4);
+        let row = (options.width * texel).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let size = u64::from(row) * u64::from(options.height);
+        if size > gpu.limits.max_buffer_size {
+            return Err(GpuError::TooLarge {
+                what: format!("reading back {}×{} pixels", options.width, options.height),
+                needed: size,
+                limit: gpu.limits.max_buffer_size,
+                unit: "bytes",
+                advice: "render a smaller image",
+            });
+        }
+        gpu.created.add();
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("readback"),
+            size,
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_texture_to_buffer(
+            wgpu::TexelCopyTextureInfo {
+                texture: texture.raw(),
+                mip_level: 0,
+                origin: wgpu::Origin3d::ZERO,
+                aspect,
+            },
+            wgpu::TexelCopyBufferInfo {
+                buffer: &buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(row),
+                    rows_per_image: Some(options.height),
+                },
+            },
+            wgpu::Extent3d { width: options.width, height: options.height, depth_or_array_layers: 1 },
+        );
+        gpu.queue.submit([encoder.finish()]);
+        let state = Arc::new(AtomicU8::new(PENDING));
+        let done = state.clone();
+        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
+            done.store(if result.is_ok() { READY } else { FAILED }, Ordering::Release);
+        });
+        Ok(Self { buffer, width: options.width, height: options.height, row, format: options.format, state })
+    }
+
+    /// The pixels if they have arrived. Never blocks.
+    ///
+    /// # Errors
+    /// When the device was lost meanwhile.
+    pub fn poll(&self, gpu: &Gpu) -> Result<Option<Pixels>, GpuError> {
+        // A failed poll shows as a failed mapping or in `check`.
+        let _ = gpu.device.poll(wgpu::PollType::Poll);
+        self.take(gpu)
+    }
+
+    /// Blocks until the pixels are here. For command lines and tests only.
+    ///
+    /// # Errors
+    /// When the device was lost, or reported an error.
+    pub fn wait(self, gpu: &Gpu) -> Result<Pixels, GpuError> {
+        gpu.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|e| GpuError::DeviceLost(e.to_string()))?;
+        gpu.check()?;
+        self.take(gpu)?.ok_or_else(|| GpuError::DeviceLost("a read-back did not finish".into()))
+    }
+
+    fn take(&self, gpu: &Gpu) -> Result<Option<Pixels>, GpuError> {
+        match self.state.load(Ordering::Acquire) {
+            PENDING => return Ok(None),
+            READY => {}
+            _ => {
+                gpu.check()?;
+                return Err(GpuError::DeviceLost("a read-back could not be mapped".into()));
+            }
+        }
+        let mapped = self
+            .buffer
+            .get_mapped_range(..)
+            .map_err(|e| GpuError::Device(format!("a read-back could not be mapped: {e:?}")))?;
+        let used = (mapped.len() / self.height.max(1) as usize).min(self.row as usize);
+        let aspect = self.format.has_depth_aspect().then_some(wgpu::TextureAspect::DepthOnly);
+        let packed = (self.width * self.format.block_copy_size(aspect).unwrap_or(4)) as usize;
+        let bytes = mapped.chunks_exact(used).flat_map(|row| &row[..packed]).copied().collect();
+        Ok(Some(Pixels { width: self.width, height: self.height, format: self.format, bytes }))
+    }
+}

@@ -1,0 +1,388 @@
+//! Textures, buffers and bind groups with an identity.
+//!
+//! wgpu's own handles have no comparable identity across clones that a cache could use cheaply, so each handle here
+//! carries a number. A bind group is then known by its layout and the numbers in it, made once and found again.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::Gpu;
+
+static NEXT_ID: AtomicU64 = AtomicU64::new(1);
+
+pub(crate) fn next_id() -> u64 {
+    NEXT_ID.fetch_add(1, Ordering::Relaxed)
+}
+
+/// How long a resource's content lasts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Life {
+    /// Until the frame ends: reading it before this frame wrote it is a bug.
+    Frame,
+    /// From frame to frame: uploaded data, history, caches.
+    Kept,
+}
+
+/// What a texture is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct TextureOptions {
+    /// Texels.
+    pub width: u32,
+    /// Texels.
+    pub height: u32,
+    /// Array layers; `None` makes a plain 2D texture, `Some(1)` an array of one.
+    pub layers: Option<u32>,
+    /// Mip levels.
+    pub mips: u32,
+    /// Samples per texel.
+    pub samples: u32,
+    /// Texel format.
+    pub format: wgpu::TextureFormat,
+    /// wgpu's usages.
+    pub usage: wgpu::TextureUsages,
+}
+
+impl TextureOptions {
+    /// A plain texture of one mip and one sample.
+    pub fn new(width: u32, height: u32, format: wgpu::TextureFormat, usage: wgpu::TextureUsages) -> Self {
+        Self { width, height, layers: None, mips: 1, samples: 1, format, usage }
+    }
+
+    /// The same as an array of `layers`.
+    #[must_use]
+    pub fn array(self, layers: u32) -> Self {
+        Self { layers: Some(layers), ..self }
+    }
+}
+
+#[derive(Debug)]
+struct TextureInner {
+    id: u64,
+    name: &'static str,
+    life: Life,
+    options: TextureOptions,
+    texture: wgpu::Texture,
+    view: wgpu::TextureView,
+    layer_views: Vec<wgpu::TextureView>,
+    pool: Option<Arc<Mutex<PoolShelf>>>,
+}
+
+/// A texture and its views.
+#[derive(Clone, Debug)]
+pub struct Texture(Arc<TextureInner>);
+
+impl Texture {
+    /// Makes a texture.
+    pub fn new(gpu: &Gpu, name: &'static str, life: Life, options: TextureOptions) -> Self {
+        Self::with(name, life, options, create(gpu, name, &options), None)
+    }
+
+    fn with(
+        name: &'static str,
+        life: Life,
+        options: TextureOptions,
+        texture: wgpu::Texture,
+        pool: Option<Arc<Mutex<PoolShelf>>>,
+    ) -> Self {
+        let dimension = if options.layers.is_some() {
+            wgpu::TextureViewDimension::D2Array
+        } else {
+            wgpu::TextureViewDimension::D2
+        };
+        let view = texture
+            .create_view(&wgpu::TextureViewDescriptor { dimension: Some(dimension), ..Default::default() });
+        let attachable = options.usage.contains(wgpu::TextureUsages::RENDER_ATTACHMENT);
+        let layers = if attachable { options.layers.unwrap_or(1) } else { 0 };
+        let layer_views = (0..layers)
+            .map(|layer| {
+                texture.create_view(&wgpu::TextureViewDescriptor {
+                    dimension: Some(wgpu::TextureViewDimension::D2),
+                    base_array_layer: layer,
+                    array_layer_count: Some(1),
+                    mip_level_count: Some(1),
+                    ..Default::default()
+                })
+            })
+            .collect();
+        Self(Arc::new(TextureInner { id: next_id(), name, life, options, texture, view, layer_views, pool }))
+    }
+
+    /// The name that logs and debug views show.
+    pub fn name(&self) -> &'static str {
+        self.0.name
+    }
+    /// How long its content lasts.
+    pub fn life(&self) -> Life {
+        self.0.life
+    }
+    /// Size, format and usage.
+    pub fn options(&self) -> &TextureOptions {
+        &self.0.options
+    }
+    /// wgpu's texture.
+    pub fn raw(&self) -> &wgpu::Texture {
+        &self.0.texture
+    }
+    /// All layers and mips.
+    pub fn view(&self) -> &wgpu::TextureView {
+        &self.0.view
+    }
+    /// One layer's first mip, for attachments.
+    ///
+    /// # Panics
+    /// When the texture is no render attachment or has no such layer.
+    pub fn layer_view(&self, layer: u32) -> &wgpu::TextureView {
+        &self.0.layer_views[layer as usize]
+    }
+    /// Bytes of all mips, layers and samples.
+    pub fn bytes(&self) -> u64 {
+        let o = &self.0.options;
+        let texel = u64::from(o.format.block_copy_size(None).unwrap_or(4));
+        let texels: u64 = (0..o.mips)
+            .map(|mip| u64::from((o.width >> mip).max(1)) * u64::from((o.height >> mip).max(1)))
+            .sum();
+        texels * texel * u64::from(o.layers.unwrap_or(1)) * u64::from(o.samples)
+    }
+    pub(crate) fn id(&self) -> u64 {
+        self.0.id
+    }
+}
+
+impl Drop for TextureInner {
+    fn drop(&mut self) {
+        if let Some(pool) = &self.pool {
+            let mut shelf = pool.lock().unwrap_or_else(PoisonError::into_inner);
+            shelf.free.entry(self.options).or_default().push(self.texture.clone());
+        }
+    }
+}
+
+fn create(gpu: &Gpu, name: &'static str, options: &TextureOptions) -> wgpu::Texture {
+    gpu.created.add();
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(name),
+        size: wgpu::Extent3d {
+            width: options.width,
+            height: options.height,
+            depth_or_array_layers: options.layers.unwrap_or(1),
+        },
+        mip_level_count: options.mips,
+        sample_count: options.samples,
+        dimension: wgpu::TextureDimension::D2,
+        format: options.format,
+        usage: options.usage,
+        view_formats: &[],
+    })
+}
+
+#[derive(Debug, Default)]
+struct PoolShelf {
+    free: HashMap<TextureOptions, Vec<wgpu::Texture>>,
+}
+
+/// Lends textures: a handle that is dropped gives its memory to the next one of the same kind, so that switching
+/// techniques or sizes back and forth allocates once.
+#[derive(Clone, Debug, Default)]
+pub struct TexturePool(Arc<Mutex<PoolShelf>>);
+
+impl TexturePool {
+    /// A texture of that kind, new or used.
+    pub fn lend(&self, gpu: &Gpu, name: &'static str, life: Life, options: TextureOptions) -> Texture {
+        let free = {
+            let mut shelf = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            shelf.free.get_mut(&options).and_then(Vec::pop)
+        };
+        let texture = free.unwrap_or_else(|| create(gpu, name, &options));
+        Texture::with(name, life, options, texture, Some(self.0.clone()))
+    }
+
+    /// Frees what nobody holds.
+    pub fn trim(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).free.clear();
+    }
+}
+
+#[derive(Debug)]
+struct BufferInner {
+    id: u64,
+    name: &'static str,
+    life: Life,
+    buffer: wgpu::Buffer,
+}
+
+/// A buffer.
+#[derive(Clone, Debug)]
+pub struct Buffer(Arc<BufferInner>);
+
+impl Buffer {
+    /// Makes a buffer of `size` bytes, zeroed.
+    pub fn new(gpu: &Gpu, name: &'static str, life: Life, size: u64, usage: wgpu::BufferUsages) -> Self {
+        gpu.created.add();
+        // Bindings must not be empty, and copies move words of four bytes.
+        let size = size.max(16).next_multiple_of(4);
+        let descriptor = wgpu::BufferDescriptor { label: Some(name), size, usage, mapped_at_creation: false };
+        let buffer = gpu.device.create_buffer(&descriptor);
+        Self(Arc::new(BufferInner { id: next_id(), name, life, buffer }))
+    }
+
+    /// Makes a kept buffer holding `data`.
+    pub fn with_data<T: bytemuck::NoUninit>(
+        gpu: &Gpu,
+        name: &'static str,
+        data: &[T],
+        usage: wgpu::BufferUsages,
+    ) -> Self {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let buffer =
+            Self::new(gpu, name, Life::Kept, bytes.len() as u64, usage | wgpu::BufferUsages::COPY_DST);
+        if !bytes.is_empty() {
+            gpu.queue.write_buffer(buffer.raw(), 0, bytes);
+        }
+        buffer
+    }
+
+    /// The name that logs show.
+    pub fn name(&self) -> &'static str {
+        self.0.name
+    }
+    /// How long its content lasts.
+    pub fn life(&self) -> Life {
+        self.0.life
+    }
+    /// wgpu's buffer.
+    pub fn raw(&self) -> &wgpu::Buffer {
+        &self.0.buffer
+    }
+    pub(crate) fn id(&self) -> u64 {
+        self.0.id
+    }
+}
+
+/// A resource as a shader sees it.
+#[derive(Clone, Copy, Debug)]
+pub enum Binding<'a> {
+    /// All of a texture.
+    Texture(&'a Texture),
+    /// All of a buffer.
+    Buffer(&'a Buffer),
+    /// A part of a buffer: offset and size in bytes.
+    BufferRange(&'a Buffer, u64, u64),
+    /// A sampler.
+    Sampler(&'a wgpu::Sampler),
+}
+
+impl<'a> From<&'a Texture> for Binding<'a> {
+    fn from(texture: &'a Texture) -> Self {
+        Self::Texture(texture)
+    }
+}
+impl<'a> From<&'a Buffer> for Binding<'a> {
+    fn from(buffer: &'a Buffer) -> Self {
+        Self::Buffer(buffer)
+    }
+}
+impl<'a> From<&'a wgpu::Sampler> for Binding<'a> {
+    fn from(sampler: &'a wgpu::Sampler) -> Self {
+        Self::Sampler(sampler)
+    }
+}
+
+impl<'a> Binding<'a> {
+    pub(crate) fn resource(self) -> wgpu::BindingResource<'a> {
+        match self {
+            Self::Texture(texture) => wgpu::BindingResource::TextureView(texture.view()),
+            Self::Buffer(buffer) => buffer.raw().as_entire_binding(),
+            Self::BufferRange(buffer, offset, size) => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                buffer: buffer.raw(),
+                offset,
+                size: std::num::NonZeroU64::new(size),
+            }),
+            Self::Sampler(sampler) => wgpu::BindingResource::Sampler(sampler),
+        }
+    }
+
+    /// Identity for the bind group cache; samplers of a pass never change, so they need none.
+    pub(crate) fn key(self) -> (u64, u64) {
+        match self {
+            Self::Texture(texture) => (texture.id(), 0),
+            Self::Buffer(buffer) => (buffer.id(), 0),
+            Self::BufferRange(buffer, offset, _) => (buffer.id(), offset),
+            Self::Sampler(_) => (0, 0),
+        }
+    }
+
+    pub(crate) fn logged(self) -> Option<(u64, &'static str, Life)> {
+        match self {
+            Self::Texture(texture) => Some((texture.id(), texture.name(), texture.life())),
+            Self::Buffer(buffer) | Self::BufferRange(buffer, ..) => {
+                Some((buffer.id(), buffer.name(), buffer.life()))
+            }
+            Self::Sampler(_) => None,
+        }
+    }
+}
+
+/// The layout of a bind group that many pipelines share (0 the frame, 1 the scene): entries by WESL name.
+#[derive(Clone, Debug)]
+pub struct GroupLayout {
+    pub(crate) index: u32,
+    pub(crate) entries: Arc<Vec<(&'static str, wgpu::BindGroupLayoutEntry)>>,
+    pub(crate) layout: wgpu::BindGroupLayout,
+}
+
+impl GroupLayout {
+    /// Declares group `index`; bindings are numbered in order.
+    pub fn new(
+        gpu: &Gpu,
+        index: u32,
+        entries: &[(&'static str, wgpu::ShaderStages, wgpu::BindingType)],
+    ) -> Self {
+        let entries: Vec<_> = (0u32..)
+            .zip(entries)
+            .map(|(binding, &(name, visibility, ty))| {
+                (name, wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None })
+            })
+            .collect();
+        let plain: Vec<_> = entries.iter().map(|(_, entry)| *entry).collect();
+        let layout = gpu
+            .device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &plain });
+        Self { index, entries: Arc::new(entries), layout }
+    }
+
+    /// Fills the group; `bindings` in the order of the declaration.
+    ///
+    /// # Panics
+    /// When the numbers of entries and bindings differ.
+    pub fn group(&self, gpu: &Gpu, bindings: &[Binding<'_>]) -> Group {
+        assert_eq!(
+            bindings.len(),
+            self.entries.len(),
+            "group {} filled with another number of bindings",
+            self.index
+        );
+        gpu.created.add();
+        let entries: Vec<_> = (0u32..)
+            .zip(bindings)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.resource() })
+            .collect();
+        let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &self.layout,
+            entries: &entries,
+        });
+        let reads = self.entries.iter().zip(bindings);
+        let reads =
+            reads.filter_map(|((name, _), b)| b.logged().map(|(id, _, life)| (*name, id, life))).collect();
+        Group { index: self.index, bind_group, reads }
+    }
+}
+
+/// A filled shared bind group.
+#[derive(Clone, Debug)]
+pub struct Group {
+    pub(crate) index: u32,
+    pub(crate) bind_group: wgpu::BindGroup,
+    pub(crate) reads: Vec<(&'static str, u64, Life)>,
+}

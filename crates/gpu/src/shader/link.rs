@@ -1,0 +1,109 @@
+//! Linking: an entry file and everything it imports become one WGSL text.
+
+use std::borrow::Cow;
+
+use wesl::{Feature, Mangler, ModulePath, VirtualResolver, Wesl};
+
+use super::Linked;
+use crate::GpuError;
+
+/// An entry file with its `@if` flags. Every flag that its imports mention must be listed, on or off: an unknown
+/// one is an error, not silently false.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Permutation {
+    /// The entry file, such as `surface/resolve.cs.wesl`.
+    pub entry: &'static str,
+    /// Flags by name.
+    pub flags: Vec<(&'static str, bool)>,
+}
+
+impl Permutation {
+    /// An entry file without flags.
+    pub fn plain(entry: &'static str) -> Self {
+        Self { entry, flags: Vec::new() }
+    }
+
+    /// The same with one more flag.
+    #[must_use]
+    pub fn flag(mut self, name: &'static str, on: bool) -> Self {
+        self.flags.push((name, on));
+        self
+    }
+
+    /// The entry file and the flags that are on, for messages.
+    pub fn label(&self) -> String {
+        let on: Vec<_> = self.flags.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
+        if on.is_empty() { self.entry.to_owned() } else { format!("{} [{}]", self.entry, on.join(", ")) }
+    }
+}
+
+/// WESL modules by file path.
+#[derive(Clone, Debug, Default)]
+pub struct Library {
+    files: Vec<(&'static str, Cow<'static, str>)>,
+}
+
+impl Library {
+    /// Modules as (path below the crate's source folder, text).
+    pub fn new(files: &[(&'static str, &'static str)]) -> Self {
+        Self { files: files.iter().map(|&(path, text)| (path, Cow::Borrowed(text))).collect() }
+    }
+
+    /// Adds another crate's modules, so that its shaders may import these.
+    #[must_use]
+    pub fn with(mut self, files: &[(&'static str, &'static str)]) -> Self {
+        self.files.extend(files.iter().map(|&(path, text)| (path, Cow::Borrowed(text))));
+        self
+    }
+
+    /// Paths of all entry files: those whose name ends in `.cs.wesl` or `.rs.wesl`.
+    pub fn entries(&self) -> impl Iterator<Item = &'static str> {
+        self.files
+            .iter()
+            .map(|(path, _)| *path)
+            .filter(|path| path.ends_with(".cs.wesl") || path.ends_with(".vs.wesl"))
+    }
+
+    /// Joins, mangles, validates.
+    ///
+    /// # Errors
+    /// [`GpuError::Shader`] with the linker's or validator's message and place.
+    pub fn link(&self, permutation: &Permutation) -> Result<Linked, GpuError> {
+        let fail = |message: String| GpuError::Shader { name: permutation.label(), message };
+        let mut resolver = VirtualResolver::new();
+        for (path, text) in &self.files {
+            resolver.add_module(module_path(path).map_err(&fail)?, Cow::Borrowed(text.as_ref()));
+        }
+        let mut wesl = Wesl::new_barebones().set_custom_resolver(resolver);
+        wesl.use_imports(true).use_condcomp(true).use_stripping(true);
+        wesl.set_custom_mangler(PathMangler);
+        wesl.set_missing_feature_behavior(Feature::Error);
+        for (name, on) in &permutation.flags {
+            wesl.set_feature(name, *on);
+        }
+        let root = module_path(permutation.entry).map_err(&fail)?;
+        let wgsl = wesl.compile(&root).map_err(|e| fail(e.to_string()))?.to_string();
+        Linked::validate(permutation, wgsl)
+    }
+}
+
+/// `surface/resolve.cs.wesl` is the module `package::surface::resolve_cs`.
+fn module_path(file: &str) -> Result<ModulePath, String> {
+    let stem = file.strip_suffix(".wesl").ok_or_else(|| format!("{file} does not end in .wesl"))?;
+    let path = format!("package::{}", stem.replace('.', "_").replace('/', "::"));
+    path.parse().map_err(|e| format!("{path}: {e}"))
+}
+
+/// Names an imported item `item_of_module`: readable in messages, and unique because a path has one spelling.
+struct PathMangler;
+
+impl Mangler for PathMangler {
+    fn mangle(&self, path: &ModulePath, item: &str) -> String {
+        format!("{item}_of_{}", path.components.join("_"))
+    }
+}
+
+/// The item's own name, without the module.
+pub(super) fn unmangled(name: &str) -> &str {
+    name.split_once("_of_").map_or(name, |(item, _)| item)
+}

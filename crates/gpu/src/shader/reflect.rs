@@ -1,0 +1,195 @@
+//! What a linked shader binds, read from naga.
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+use super::Permutation;
+use super::link::unmangled;
+use crate::GpuError;
+
+/// A validated shader.
+#[derive(Debug)]
+pub struct Linked {
+    /// The entry file with its flags.
+    pub label: String,
+    /// The whole text.
+    pub wgsl: String,
+    /// naga's view of it.
+    pub module: naga::Module,
+    info: naga::valid::ModuleInfo,
+}
+
+/// One binding of a shader.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reflected {
+    /// The WESL global's name.
+    pub name: String,
+    /// Group.
+    pub group: u32,
+    /// Binding within the group.
+    pub binding: u32,
+    /// Stages that use it.
+    pub visibility: wgpu::ShaderStages,
+    /// Type as a layout states it.
+    pub ty: wgpu::BindingType,
+    /// Whether the shader may write to it.
+    pub written: bool,
+}
+
+impl Linked {
+    pub(super) fn validate(permutation: &Permutation, wgsl: String) -> Result<Self, GpuError> {
+        let label = permutation.label();
+        let fail = |message: String| GpuError::Shader { name: label.clone(), message };
+        let module = naga::front::wgsl::parse_str(&wgsl).map_err(|e| fail(e.emit_to_string(&wgsl)))?;
+        let capabilities = Capabilities::default() | Capabilities::PRIMITIVE_INDEX;
+        let info = Validator::new(ValidationFlags::all(), capabilities)
+            .validate(&module)
+            .map_err(|e| fail(e.emit_to_string(&wgsl)))?;
+        Ok(Self { label, wgsl, module, info })
+    }
+
+    /// All bindings of all entry points, by group and binding.
+    ///
+    /// # Errors
+    /// When a binding has a kind that chiaro does not use.
+    pub fn bindings(&self) -> Result<Vec<Reflected>, GpuError> {
+        let mut found = Vec::new();
+        for (handle, global) in self.module.global_variables.iter() {
+            let Some(at) = global.binding else { continue };
+            let name = unmangled(global.name.as_deref().unwrap_or_default()).to_owned();
+            let mut visibility = wgpu::ShaderStages::empty();
+            let mut filtered = false;
+            for (index, entry) in self.module.entry_points.iter().enumerate() {
+                let info = self.info.get_entry_point(index);
+                if !info[handle].is_empty() {
+                    visibility |= stage(entry.stage);
+                }
+                // A texture sampled through a comparison sampler is a depth texture, whose layout says no filter.
+                filtered |= info.sampling_set.iter().any(|key| key.image == handle);
+            }
+            let ty = self.binding_type(global, filtered).ok_or_else(|| GpuError::Shader {
+                name: self.label.clone(),
+                message: format!("binding {name} has a type that no bind group layout is known for"),
+            })?;
+            let written = matches!(
+                ty,
+                wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Storage { read_only: false }, .. }
+                    | wgpu::BindingType::StorageTexture { .. }
+            );
+            found.push(Reflected { name, group: at.group, binding: at.binding, visibility, ty, written });
+        }
+        found.sort_by_key(|b| (b.group, b.binding));
+        Ok(found)
+    }
+
+    /// The entry point of a stage.
+    pub fn entry_point(&self, stage: naga::ShaderStage) -> Option<&str> {
+        self.module.entry_points.iter().find(|e| e.stage == stage).map(|e| e.name.as_str())
+    }
+
+    /// Workgroup size of the compute entry point.
+    pub fn workgroup_size(&self) -> [u32; 3] {
+        let compute = self.module.entry_points.iter().find(|e| e.stage == naga::ShaderStage::Compute);
+        compute.map_or([1; 3], |e| e.workgroup_size)
+    }
+
+    fn binding_type(&self, global: &naga::GlobalVariable, filtered: bool) -> Option<wgpu::BindingType> {
+        let buffer = |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+        match global.space {
+            naga::AddressSpace::Uniform => return Some(buffer(wgpu::BufferBindingType::Uniform)),
+            naga::AddressSpace::Storage { access } => {
+                let read_only = !access.contains(naga::StorageAccess::STORE);
+                return Some(buffer(wgpu::BufferBindingType::Storage { read_only }));
+            }
+            naga::AddressSpace::Handle => {}
+            _ => return None,
+        }
+        match self.module.types[global.ty].inner {
+            naga::TypeInner::Sampler { comparison } => Some(wgpu::BindingType::Sampler(if comparison {
+                wgpu::SamplerBindingType::Comparison
+            } else {
+                wgpu::SamplerBindingType::Filtering
+            })),
+            naga::TypeInner::Image { dim, arrayed, class } => {
+                let view_dimension = view_dimension(dim, arrayed)?;
+                Some(match class {
+                    naga::ImageClass::Sampled { kind, multi } => wgpu::BindingType::Texture {
+                        sample_type: match kind {
+                            naga::ScalarKind::Float => {
+                                wgpu::TextureSampleType::Float { filterable: filtered && !multi }
+                            }
+                            naga::ScalarKind::Uint => wgpu::TextureSampleType::Uint,
+                            naga::ScalarKind::Sint => wgpu::TextureSampleType::Sint,
+                            _ => return None,
+                        },
+                        view_dimension,
+                        multisampled: multi,
+                    },
+                    naga::ImageClass::Depth { multi } => wgpu::BindingType::Texture {
+                        sample_type: wgpu::TextureSampleType::Depth,
+                        view_dimension,
+                        multisampled: multi,
+                    },
+                    naga::ImageClass::Storage { format, access } => wgpu::BindingType::StorageTexture {
+                        access: if access.contains(naga::StorageAccess::LOAD) {
+                            if access.contains(naga::StorageAccess::STORE) {
+                                wgpu::StorageTextureAccess::ReadWrite
+                            } else {
+                                wgpu::StorageTextureAccess::ReadOnly
+                            }
+                        } else {
+                            wgpu::StorageTextureAccess::WriteOnly
+                        },
+                        format: storage_format(format)?,
+                        view_dimension,
+                    },
+                    naga::ImageClass::External => return None,
+                })
+            }
+            _ => None,
+        }
+    }
+}
+
+fn stage(stage: naga::ShaderStage) -> wgpu::ShaderStages {
+    match stage {
+        naga::ShaderStage::Vertex => wgpu::ShaderStages::VERTEX,
+        naga::ShaderStage::Fragment => wgpu::ShaderStages::FRAGMENT,
+        _ => wgpu::ShaderStages::COMPUTE,
+    }
+}
+
+fn view_dimension(dim: naga::ImageDimension, arrayed: bool) -> Option<wgpu::TextureViewDimension> {
+    Some(match (dim, arrayed) {
+        (naga::ImageDimension::D2, false) => wgpu::TextureViewDimension::D2,
+        (naga::ImageDimension::D2, true) => wgpu::TextureViewDimension::D2Array,
+        (naga::ImageDimension::Cube, false) => wgpu::TextureViewDimension::Cube,
+        (naga::ImageDimension::Cube, true) => wgpu::TextureViewDimension::CubeArray,
+        (naga::ImageDimension::D3, false) => wgpu::TextureViewDimension::D3,
+        _ => return None,
+    })
+}
+
+/// The storage formats that WebGPU guarantees for writing.
+fn storage_format(format: naga::StorageFormat) -> Option<wgpu::TextureFormat> {
+    use naga::StorageFormat as N;
+    use wgpu::TextureFormat as W;
+    Some(match format {
+        N::Rgba8Unorm => W::Rgba8Unorm,
+        N::Rgba8Snorm => W::Rgba8Snorm,
+        N::Rgba8Uint => W::Rgba8Uint,
+        N::Rgba8Sint => W::Rgba8Sint,
+        N::Rgba16Uint => W::Rgba16Uint,
+        N::Rgba16Sint => W::Rgba16Sint,
+        N::Rgba16Float => W::Rgba16Float,
+        N::R32Uint => W::R32Uint,
+        N::R32Sint => W::R32Sint,
+        N::R32Float => W::R32Float,
+        N::Rg32Uint => W::Rg32Uint,
+        N::Rg32Sint => W::Rg32Sint,
+        N::Rg32Float => W::Rg32Float,
+        N::Rgba32Uint => W::Rgba32Uint,
+        N::Rgba32Sint => W::Rgba32Sint,
+        N::Rgba32Float => W::Rgba32Float,
+        _ => return None,
+    })
+}
