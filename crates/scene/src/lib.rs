@@ -8,8 +8,12 @@
 //! light is photometric (candela, lux, nits).
 
 pub mod builtin;
+mod defaults;
 mod error;
 mod import;
+#[cfg(test)]
+mod invariants;
+mod mesh;
 pub mod model;
 
 pub use error::SceneError;

@@ -228,6 +228,23 @@ impl Default for Material {
     }
 }
 
+impl Material {
+    /// Every texture that the material uses.
+    pub fn texture_refs(&self) -> impl Iterator<Item = &TextureRef> {
+        [
+            &self.base_color_texture,
+            &self.metallic_roughness_texture,
+            &self.specular_texture,
+            &self.specular_color_texture,
+            &self.normal_texture,
+            &self.occlusion_texture,
+            &self.emissive_texture,
+        ]
+        .into_iter()
+        .flatten()
+    }
+}
+
 /// A material's use of a texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureRef {

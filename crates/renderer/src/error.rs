@@ -1,0 +1,44 @@
+//! What a user of the library can act on.
+
+use chiaro_gpu::GpuError;
+use chiaro_scene::SceneError;
+
+/// Why something could not be rendered.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A device, shader or memory problem.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The scene could not be read.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// No setting has that key.
+    #[error("no setting is called `{key}`; the nearest are {nearest}. `chiaro settings` lists all")]
+    UnknownSetting {
+        /// The key asked for.
+        key: String,
+        /// Keys that are spelled alike.
+        nearest: String,
+    },
+    /// A setting's value is not allowed.
+    #[error("`{key}` cannot be `{value}`: it takes {expected}")]
+    SettingValue {
+        /// The key.
+        key: String,
+        /// The value asked for.
+        value: String,
+        /// What it takes.
+        expected: String,
+    },
+    /// Settings that do not go together, or that this adapter cannot do.
+    #[error("{0}")]
+    Combination(String),
+    /// A preset could not be read.
+    #[error("preset {name}: {problem}")]
+    Preset {
+        /// Name or file.
+        name: String,
+        /// What is wrong.
+        problem: String,
+    },
+}

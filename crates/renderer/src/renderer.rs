@@ -1,0 +1,253 @@
+//! The renderer: passes for the current settings, and what a frame needs to be prepared.
+
+use chiaro_gpu::{Frame, Gpu, GroupLayout, Recorder, TexturePool, wgpu};
+use chiaro_scene::Scene;
+use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
+use chiaro_techniques::indirect::ambient;
+use chiaro_techniques::shadow::{CameraView, ShadowMaps, ShadowView, fit};
+use chiaro_techniques::shared::albedo_table;
+use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
+use chiaro_techniques::surface::culling::CullView;
+use chiaro_techniques::surface::{SceneGpu, Surfaces};
+use glam::{Mat4, Vec2, Vec3};
+
+use crate::pipelines::{FrameInputs, FrameOutputs, record};
+use crate::{Error, LoadedScene, Pipeline, Settings, View};
+
+/// Compiled passes and their resources.
+#[derive(Debug)]
+pub(crate) struct Passes {
+    pub frame_group: FrameGroup,
+    pub surfaces: Surfaces,
+    pub shadows: ShadowMaps,
+    pub direct: DirectLight,
+}
+
+/// Renders scenes with the techniques that [`Settings`] choose.
+///
+/// A frame is [`Renderer::prepare`], which may allocate, then [`Renderer::frame`], which does not.
+#[derive(Debug)]
+pub struct Renderer {
+    gpu: Gpu,
+    settings: Settings,
+    frame_layout: GroupLayout,
+    scene_layout: GroupLayout,
+    passes: Passes,
+    pub(crate) pool: TexturePool,
+    prepared: Option<Prepared>,
+    previous_clip_from_ws: Option<Mat4>,
+    notes: Vec<String>,
+}
+
+/// One frame's data, computed before it is recorded.
+#[derive(Debug)]
+struct Prepared {
+    data: FrameData,
+    camera: CullView,
+    shadow_views: Vec<ShadowView>,
+    lights: Vec<chiaro_techniques::shared::frame::LightData>,
+    sky: wgpu::Color,
+}
+
+impl Renderer {
+    /// Compiles the passes that the settings need.
+    ///
+    /// # Errors
+    /// When settings do not go together, the adapter cannot do them, or a shader does not compile.
+    pub fn new(gpu: &Gpu, settings: Settings) -> Result<Self, Error> {
+        check(gpu, &settings)?;
+        let frame_layout = FrameGroup::layout(gpu);
+        let scene_layout = SceneGpu::layout(gpu);
+        let table = albedo_table::texture(gpu);
+        let mut recorder = Recorder::new(gpu, false);
+        let mut frame = recorder.begin();
+        albedo_table::record(&mut frame, &table)?;
+        frame.submit();
+        let permutations = Permutations::new(&settings.shadow, settings.surface.msaa);
+        let passes = Passes {
+            frame_group: FrameGroup::new(gpu, &frame_layout, &table),
+            surfaces: Surfaces::new(gpu, &frame_layout, &scene_layout)?,
+            shadows: ShadowMaps::new(gpu, &frame_layout, &scene_layout, &settings.shadow)?,
+            direct: DirectLight::new(gpu, &frame_layout, &scene_layout, permutations)?,
+        };
+        gpu.check()?;
+        Ok(Self {
+            gpu: gpu.clone(),
+            settings,
+            frame_layout,
+            scene_layout,
+            passes,
+            pool: TexturePool::default(),
+            prepared: None,
+            previous_clip_from_ws: None,
+            notes: Vec::new(),
+        })
+    }
+
+    /// Changes settings; compiles only what the change needs.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`]; the old settings then stay in force.
+    pub fn set(&mut self, settings: Settings) -> Result<(), Error> {
+        check(&self.gpu, &settings)?;
+        let permutations = Permutations::new(&settings.shadow, settings.surface.msaa);
+        let (frame, scene) = (&self.frame_layout, &self.scene_layout);
+        let direct = (self.passes.direct.permutations() != permutations)
+            .then(|| DirectLight::new(&self.gpu, frame, scene, permutations))
+            .transpose()?;
+        let shadows = (!self.passes.shadows.serves(&settings.shadow))
+            .then(|| ShadowMaps::new(&self.gpu, frame, scene, &settings.shadow))
+            .transpose()?;
+        if let Some(direct) = direct {
+            self.passes.direct = direct;
+        }
+        if let Some(shadows) = shadows {
+            self.passes.shadows = shadows;
+        }
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// The settings in force.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Group 0's layout, for passes of one's own.
+    pub fn frame_layout(&self) -> &GroupLayout {
+        &self.frame_layout
+    }
+
+    /// The frame's bind group, for passes of one's own.
+    pub fn frame_group(&self) -> &chiaro_gpu::Group {
+        self.passes.frame_group.group()
+    }
+
+    /// Sentences about what the last [`Renderer::prepare`] gave up, for the user.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Uploads a scene.
+    ///
+    /// # Errors
+    /// When it does not fit the adapter.
+    pub fn load(&self, scene: &Scene) -> Result<LoadedScene, Error> {
+        let gpu = SceneGpu::upload(&self.gpu, &self.scene_layout, scene, self.settings.surface.anisotropy)?;
+        self.gpu.check()?;
+        Ok(LoadedScene::new(gpu, scene))
+    }
+
+    /// Computes a frame's data and makes room for it. `jitter_px` moves the picture by parts of a pixel, and
+    /// `footprint_scale` (1/√frames averaged) sharpens textures accordingly.
+    pub fn prepare(
+        &mut self,
+        scene: &LoadedScene,
+        view: &View,
+        size_px: [u32; 2],
+        jitter_px: Vec2,
+        footprint_scale: f32,
+    ) {
+        let settings = &self.settings;
+        let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
+        let steady = view.clip_from_ws(size_px, Vec2::ZERO);
+        let bounds = scene.gpu.bounds_ws;
+        let camera_view = CameraView { eye_ws: view.eye_ws(), ws_from_clip: steady.inverse() };
+        let mut lights = scene.lights.clone();
+        let (shadow_views, notes) = fit(&mut lights, bounds, &camera_view, &settings.shadow);
+        self.notes = notes;
+        let grid = grid_size(size_px, lights.len() - scene.directional);
+        let (ambient, sky) = ambient(&settings.indirect, &lights, bounds);
+        let data = FrameData {
+            clip_from_ws: clip_from_ws.to_cols_array_2d(),
+            relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
+            previous_clip_from_ws: self.previous_clip_from_ws.unwrap_or(steady).to_cols_array_2d(),
+            eye_ws: view.eye_ws().to_array(),
+            orthographic: u32::from(view.is_orthographic()),
+            forward_ws: view.forward_ws().to_array(),
+            footprint_scale,
+            size_px,
+            directional_lights: scene.directional as u32,
+            local_lights: (lights.len() - scene.directional) as u32,
+            grid,
+            grid_slices: slices(view, bounds, grid[2]),
+            lighting_model: settings.surface.lighting as u32,
+            seed: 0,
+            ambient: ambient.to_array(),
+            radiance_scale: scene.radiance_scale,
+            sky: sky.to_array(),
+            normal_maps: u32::from(settings.surface.normal_maps),
+        };
+        self.previous_clip_from_ws = Some(steady);
+        let eye = if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };
+        let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
+        let sky = wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 1.0 };
+        let forward = settings.pipeline == Pipeline::Forward;
+        self.passes.frame_group.reserve(&self.gpu, lights.len(), shadow_views.len());
+        self.passes.surfaces.reserve(&self.gpu, &self.pool, &scene.gpu, size_px);
+        self.passes.shadows.reserve(&self.gpu, &scene.gpu, &shadow_views);
+        self.passes.direct.reserve(&self.gpu, &self.pool, size_px, grid, forward);
+        let camera = CullView::new(&clip_from_ws, eye, true, false);
+        self.prepared = Some(Prepared { data, camera, shadow_views, lights, sky });
+    }
+
+    /// Records a prepared frame. `wants_surface`: make the surface buffer even where the pipeline does without.
+    ///
+    /// # Panics
+    /// When [`Renderer::prepare`] was not called.
+    pub fn frame(&self, frame: &mut Frame<'_>, scene: &LoadedScene, wants_surface: bool) -> FrameOutputs {
+        let Some(prepared) = &self.prepared else { panic!("a frame must be prepared before it is recorded") };
+        let group = &self.passes.frame_group;
+        frame.upload(&group.frame, &[prepared.data]);
+        frame.upload(&group.lights, &prepared.lights);
+        let views: Vec<_> = prepared.shadow_views.iter().map(|view| view.data).collect();
+        frame.upload(&group.shadow_views, &views);
+        let inputs = FrameInputs {
+            scene,
+            camera: prepared.camera,
+            shadow_views: &prepared.shadow_views,
+            sky: prepared.sky,
+            wants_surface,
+        };
+        record(self.settings.pipeline, &self.passes, frame, &inputs)
+    }
+}
+
+fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {
+    let msaa = settings.surface.msaa;
+    if ![1, 2, 4, 8].contains(&msaa) {
+        return Err(Error::SettingValue {
+            key: "surface.msaa".into(),
+            value: msaa.to_string(),
+            expected: "1, 2, 4 or 8".into(),
+        });
+    }
+    if settings.pipeline == Pipeline::Forward && ![1, 4].contains(&msaa) {
+        return Err(Error::Combination(format!(
+            "surface.msaa = {msaa}: only 1 and 4 are guaranteed and supported so far; {} was asked",
+            gpu.info.name
+        )));
+    }
+    let side = settings.shadow.resolution;
+    if side > gpu.limits.max_texture_dimension_2d {
+        return Err(Error::Combination(format!(
+            "shadow.resolution = {side} is more than {} allows ({})",
+            gpu.info.name, gpu.limits.max_texture_dimension_2d
+        )));
+    }
+    Ok(())
+}
+
+/// `slice = log2(view depth) · x + y`, from a little in front of the eye to the scene's far end.
+fn slices(view: &View, (lo, hi): (Vec3, Vec3), slices: u32) -> [f32; 2] {
+    let far = (view.eye_ws() - 0.5 * (lo + hi)).length() + 0.5 * (hi - lo).length();
+    let near = (far * 1e-3).max(view.near_m);
+    let far = far.max(near * 2.0);
+    let scale = slices as f32 / (far / near).log2();
+    [scale, -near.log2() * scale]
+}

@@ -1,0 +1,171 @@
+//! Stills: jittered frames averaged, with single quantities beside the picture.
+
+use chiaro_gpu::{Readback, Recorder};
+use chiaro_techniques::direct::Permutations;
+use chiaro_techniques::post::{Accumulator, Aov, AovPass, Display, Sum};
+use glam::Vec2;
+
+use crate::{Error, LoadedScene, Renderer, View};
+
+/// What to make.
+#[derive(Clone, Debug)]
+pub struct StillOptions {
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Jittered frames to average.
+    pub samples: u32,
+    /// Quantities beside the picture.
+    pub aovs: Vec<Aov>,
+}
+
+impl Default for StillOptions {
+    fn default() -> Self {
+        Self { size: [1280, 720], samples: 16, aovs: Vec::new() }
+    }
+}
+
+/// A still on its way to the CPU.
+#[derive(Debug)]
+pub struct Still {
+    /// Rgba32Float: nits summed over `samples` frames.
+    pub radiance: Readback,
+    /// Rgba8Unorm sRGB.
+    pub picture: Readback,
+    /// Rgba32Float sums, as asked for.
+    pub aovs: Vec<(Aov, Readback)>,
+    /// Frames summed.
+    pub samples: u32,
+}
+
+/// Sub-pixel offsets of a box filter, stratified: a (0,2)-sequence, so that any power of two of them falls one into
+/// each of as many equal boxes of any shape (Sobol' 1967).
+#[derive(Clone, Copy, Debug)]
+pub struct Jitter {
+    samples: u32,
+}
+
+impl Jitter {
+    /// Offsets for so many frames.
+    pub fn new(samples: u32) -> Self {
+        Self { samples }
+    }
+
+    /// Offset of frame `index`, pixels in −½..½.
+    pub fn offset_px(&self, index: u32) -> Vec2 {
+        if self.samples <= 1 {
+            return Vec2::ZERO;
+        }
+        let unit = |bits: u32| (bits as f32) * 2f32.powi(-32);
+        // The second dimension's direction numbers are Pascal's triangle modulo 2.
+        let mut second = 0u32;
+        let mut direction = 1u32 << 31;
+        let mut rest = index;
+        while rest != 0 {
+            if rest & 1 != 0 {
+                second ^= direction;
+            }
+            direction ^= direction >> 1;
+            rest >>= 1;
+        }
+        // Half a box further, each sample stands in the middle of its box.
+        let half = 0.5 / self.samples.next_power_of_two() as f32;
+        Vec2::new(unit(index.reverse_bits()), unit(second)) + half - 0.5
+    }
+
+    /// How much smaller a texture's footprint is than a pixel.
+    pub fn footprint_scale(&self) -> f32 {
+        1.0 / (self.samples.max(1) as f32).sqrt()
+    }
+}
+
+impl Renderer {
+    /// Renders a still; `progress` hears how many frames are done. Submits as it goes and never waits for the GPU;
+    /// the result is read with [`Readback::poll`] or [`Readback::wait`].
+    ///
+    /// # Errors
+    /// When the device reports an error.
+    pub fn still(
+        &mut self,
+        scene: &LoadedScene,
+        view: &View,
+        options: &StillOptions,
+    ) -> Result<Still, Error> {
+        self.still_in(&mut Recorder::new(self.gpu(), false), scene, view, options, |_| {})
+    }
+
+    /// The same with a recorder of one's own, which then has the frames' timings.
+    ///
+    /// # Errors
+    /// When the device reports an error.
+    pub fn still_in(
+        &mut self,
+        recorder: &mut Recorder,
+        scene: &LoadedScene,
+        view: &View,
+        options: &StillOptions,
+        mut progress: impl FnMut(u32),
+    ) -> Result<Still, Error> {
+        let gpu = self.gpu().clone();
+        let size = options.size;
+        let samples = options.samples.max(1);
+        let jitter = Jitter::new(samples);
+        let accumulator = Accumulator::new(&gpu)?;
+        let display = Display::new(&gpu)?;
+        let permutations = Permutations::new(&self.settings().shadow, self.settings().surface.msaa);
+        let aov_pass = (!options.aovs.is_empty())
+            .then(|| AovPass::new(&gpu, self.frame_layout(), permutations, options.aovs.len()))
+            .transpose()?;
+        let mut sum = Sum::new(&gpu, &self.pool, size);
+        let mut aov_sums: Vec<_> = options.aovs.iter().map(|_| Sum::new(&gpu, &self.pool, size)).collect();
+        let picture = Display::picture(&gpu, &self.pool, size);
+        for index in 0..samples {
+            self.prepare(scene, view, size, jitter.offset_px(index), jitter.footprint_scale());
+            let mut frame = recorder.begin();
+            let outputs = self.frame(&mut frame, scene, aov_pass.is_some());
+            accumulator.record(&mut frame, &outputs.radiance, 1.0 / scene.radiance_scale, &mut sum);
+            if let (Some(pass), Some(surface)) = (&aov_pass, &outputs.surface) {
+                for (number, (aov, aov_sum)) in options.aovs.iter().zip(&mut aov_sums).enumerate() {
+                    let inputs = (surface, &outputs.shadows, &outputs.light_grid);
+                    pass.record(&mut frame, self.frame_group(), inputs, (number, *aov), aov_sum);
+                }
+            }
+            if index + 1 == samples {
+                display.record(&mut frame, &self.settings().camera, &sum, &picture);
+            }
+            frame.submit();
+            gpu.check()?;
+            progress(index + 1);
+        }
+        let aovs = options.aovs.iter().zip(&aov_sums);
+        let aovs = aovs.map(|(aov, sum)| Ok((*aov, Readback::start(&gpu, sum.texture())?)));
+        Ok(Still {
+            radiance: Readback::start(&gpu, sum.texture())?,
+            picture: Readback::start(&gpu, &picture)?,
+            aovs: aovs.collect::<Result<_, Error>>()?,
+            samples,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sixteen_offsets_fall_one_into_each_of_sixteen_boxes_of_any_shape() {
+        let jitter = Jitter::new(16);
+        for (columns, rows) in [(16, 1), (8, 2), (4, 4), (2, 8), (1, 16)] {
+            let mut boxes: Vec<_> = (0..16)
+                .map(|i| {
+                    let p = jitter.offset_px(i) + 0.5;
+                    ((p.x * columns as f32) as u32, (p.y * rows as f32) as u32)
+                })
+                .collect();
+            boxes.sort_unstable();
+            boxes.dedup();
+            assert_eq!(boxes.len(), 16, "{columns}×{rows}");
+        }
+        let mean = (0..16).map(|i| jitter.offset_px(i)).sum::<Vec2>() / 16.0;
+        assert!(mean.length() < 1e-6, "{mean}");
+    }
+}

@@ -1,0 +1,121 @@
+//! Puts a scene together: tables grow, indices stay right.
+
+use glam::{Affine2, Mat3, Quat, Vec2, Vec3};
+
+use super::{solid::Solid, texture::Surface};
+use crate::{
+    Camera, Id, ImageData, Light, LightKind, Material, Mesh, Node, Projection, Scene, Texture, TextureRef,
+    Transform, Wrap,
+};
+
+/// A scene under construction.
+#[derive(Default)]
+pub struct Stage {
+    /// What stands so far.
+    pub scene: Scene,
+}
+
+impl Stage {
+    /// An empty scene.
+    pub fn new(name: &str) -> Self {
+        Self { scene: Scene { name: name.to_owned(), ..Scene::default() } }
+    }
+
+    /// Adds an image that repeats, used with texture coordinates in metres: `side_m` metres per repeat.
+    pub fn image(&mut self, image: ImageData, side_m: f32) -> TextureRef {
+        self.scene.images.push(image);
+        self.scene.textures.push(Texture {
+            image: self.scene.images.len() - 1,
+            wrap: [Wrap::Repeat; 2],
+            filter: crate::Filter::Linear,
+        });
+        let uv_transform = Affine2::from_scale(Vec2::splat(1.0 / side_m));
+        TextureRef { uv_transform, ..TextureRef::new(self.scene.textures.len() - 1) }
+    }
+
+    /// Adds a painted surface's colour and normals.
+    pub fn surface(&mut self, name: &str, surface: &Surface, side_m: f32) -> [Option<TextureRef>; 2] {
+        let color = self.image(surface.base_color(&format!("{name} colour")), side_m);
+        let normal = self.image(surface.normal(&format!("{name} normals"), side_m), side_m);
+        [Some(color), Some(normal)]
+    }
+
+    /// Adds a material.
+    pub fn material(&mut self, material: Material) -> Id {
+        self.scene.materials.push(material);
+        self.scene.materials.len() - 1
+    }
+
+    /// Adds a mesh, with tangents for the materials that have a normal map.
+    pub fn mesh(&mut self, name: &str, solid: Solid) -> Id {
+        let materials = &self.scene.materials;
+        let mesh: Mesh = solid.into_mesh(name, |m| materials[m].normal_texture.is_some());
+        self.scene.meshes.push(mesh);
+        self.scene.meshes.len() - 1
+    }
+
+    /// Puts a mesh somewhere, turned about the vertical.
+    pub fn place(&mut self, mesh: Id, translation: Vec3, half_turn: bool) {
+        // A half turn as an exact quaternion, so that copies on both sides of an axis meet to the last bit.
+        let rotation = if half_turn { Quat::from_xyzw(0.0, 1.0, 0.0, 0.0) } else { Quat::IDENTITY };
+        let name = self.scene.meshes[mesh].name.clone();
+        self.scene.nodes.push(Node {
+            name,
+            parent: None,
+            parent_from_node: Transform::Trs { translation, rotation, scale: Vec3::ONE },
+            mesh: Some(mesh),
+            camera: None,
+            light: None,
+        });
+    }
+
+    /// Adds a body that stands once, given in world coordinates.
+    pub fn body(&mut self, name: &str, solid: Solid) {
+        let mesh = self.mesh(name, solid);
+        self.place(mesh, Vec3::ZERO, false);
+    }
+
+    /// Adds a camera at `eye` that looks at `target`.
+    pub fn camera(&mut self, name: &str, eye: Vec3, target: Vec3, yfov_deg: f32) {
+        let projection = Projection::Perspective { yfov_rad: yfov_deg.to_radians() };
+        self.scene.cameras.push(Camera { name: name.to_owned(), projection, near_m: 0.05, far_m: None });
+        let camera = Some(self.scene.cameras.len() - 1);
+        self.scene.nodes.push(Node { camera, ..aimed(name, eye, target) });
+    }
+
+    /// Adds a light at `from` that shines at `target`.
+    pub fn light(
+        &mut self,
+        name: &str,
+        kind: LightKind,
+        color: Vec3,
+        intensity: f32,
+        from: Vec3,
+        target: Vec3,
+    ) {
+        self.scene.lights.push(Light { name: name.to_owned(), kind, color, intensity, range_m: None });
+        let light = Some(self.scene.lights.len() - 1);
+        self.scene.nodes.push(Node { light, ..aimed(name, from, target) });
+    }
+}
+
+/// A spot whose half angles are given in degrees.
+pub fn spot(inner_deg: f32, outer_deg: f32) -> LightKind {
+    LightKind::Spot { inner_rad: inner_deg.to_radians(), outer_rad: outer_deg.to_radians() }
+}
+
+/// An empty node whose −Z points from `from` to `target`.
+fn aimed(name: &str, from: Vec3, target: Vec3) -> Node {
+    let back = (from - target).normalize();
+    // Straight up or down leaves the roll open; any side will do.
+    let right = Vec3::Y.cross(back).normalize_or(Vec3::X);
+    let rotation = Quat::from_mat3(&Mat3::from_cols(right, back.cross(right), back));
+    Node {
+        name: name.to_owned(),
+        parent: None,
+        parent_from_node: Transform::Trs { translation: from, rotation, scale: Vec3::ONE },
+        mesh: None,
+        camera: None,
+        light: None,
+    }
+}

@@ -1,0 +1,158 @@
+//! Textures and images; those that a material uses.
+
+use std::collections::HashMap;
+
+use ::gltf::json::{Value, deserialize, extensions};
+use ::gltf::texture::{MagFilter, WrappingMode};
+use glam::{Affine2, Vec2};
+
+use super::super::source::{Decoder, Resource};
+use super::super::warnings::Warnings;
+use super::{File, accessor};
+use crate::{Filter, Id, ImageData, Scene, SceneError, Texture, TextureRef, Wrap};
+
+/// KHR_texture_transform.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Transform {
+    pub(super) offset: [f32; 2],
+    pub(super) rotation: f32,
+    pub(super) scale: [f32; 2],
+    pub(super) tex_coord: Option<u32>,
+}
+
+impl Transform {
+    pub(super) fn from_json(value: &Value) -> Result<Self, ::gltf::json::Error> {
+        let json: extensions::texture::TextureTransform = deserialize::from_value(value.clone())?;
+        let (offset, rotation, scale) = (json.offset.0, json.rotation.0, json.scale.0);
+        Ok(Self { offset, rotation, scale, tex_coord: json.tex_coord })
+    }
+
+    /// Scale, then rotation, then translation. The rotation is counter-clockwise to the eye; as v points down, that
+    /// is a negative angle in the plane of (u, v).
+    fn affine(&self) -> Affine2 {
+        Affine2::from_scale_angle_translation(Vec2::from(self.scale), -self.rotation, Vec2::from(self.offset))
+    }
+}
+
+/// The textures and images of one file.
+pub(super) struct Textures<'a> {
+    file: File<'a>,
+    buffers: &'a [Vec<u8>],
+    decoder: Decoder,
+    done: Vec<Texture>,
+    images: Vec<ImageData>,
+    /// Our index by the file's; `None` where the file gives no image that chiaro could read.
+    converted: HashMap<usize, Option<Id>>,
+    decoded: HashMap<usize, Id>,
+}
+
+impl<'a> Textures<'a> {
+    pub(super) fn new(file: File<'a>, buffers: &'a [Vec<u8>]) -> Self {
+        Self {
+            file,
+            buffers,
+            decoder: Decoder::default(),
+            done: Vec::new(),
+            images: Vec::new(),
+            converted: HashMap::new(),
+            decoded: HashMap::new(),
+        }
+    }
+
+    pub(super) fn finish(self, scene: &mut Scene) {
+        scene.textures = self.done;
+        scene.images = self.images;
+    }
+
+    /// A material's use, at `place`, of the file's texture `index`.
+    pub(super) fn reference(
+        &mut self,
+        index: usize,
+        tex_coord: u32,
+        transform: Option<Transform>,
+        place: &str,
+        warnings: &mut Warnings,
+    ) -> Result<Option<TextureRef>, SceneError> {
+        let uv_set = transform.and_then(|t| t.tex_coord).unwrap_or(tex_coord);
+        if uv_set > 1 {
+            warnings.add(format!(
+                "{place} was left out: it uses TEXCOORD_{uv_set}, and only 0 and 1 are supported"
+            ));
+            return Ok(None);
+        }
+        let uv_transform = transform.map_or(Affine2::IDENTITY, |t| t.affine());
+        if !uv_transform.is_finite() {
+            return Err(self.file.invalid(place, "its KHR_texture_transform is not finite"));
+        }
+        let texture = if let Some(&known) = self.converted.get(&index) {
+            known
+        } else {
+            let texture = self.convert(index, warnings)?;
+            self.converted.insert(index, texture);
+            texture
+        };
+        Ok(texture.map(|texture| TextureRef { texture, uv_set: uv_set as usize, uv_transform }))
+    }
+
+    fn convert(&mut self, index: usize, warnings: &mut Warnings) -> Result<Option<Id>, SceneError> {
+        let json = self.file.document.as_json();
+        // The crate validated the index itself; a texture without a source is legal, though only an extension makes
+        // sense of it.
+        let source = json.textures[index].source.value();
+        if source >= json.images.len() {
+            warnings.add(format!(
+                "textures[{index}] was left out: its image is in an extension that is not supported"
+            ));
+            return Ok(None);
+        }
+        let image = if let Some(&known) = self.decoded.get(&source) {
+            known
+        } else {
+            let image = self.decode(source)?;
+            self.images.push(image);
+            self.decoded.insert(source, self.images.len() - 1);
+            self.images.len() - 1
+        };
+        let sampler = self.file.document.textures().nth(index).map(|texture| texture.sampler());
+        let wrap = |mode| match mode {
+            WrappingMode::ClampToEdge => Wrap::Clamp,
+            WrappingMode::MirroredRepeat => Wrap::Mirror,
+            WrappingMode::Repeat => Wrap::Repeat,
+        };
+        self.done.push(Texture {
+            image,
+            wrap: sampler.as_ref().map_or_else(Default::default, |s| [wrap(s.wrap_s()), wrap(s.wrap_t())]),
+            filter: match sampler.and_then(|s| s.mag_filter()) {
+                Some(MagFilter::Nearest) => Filter::Nearest,
+                Some(MagFilter::Linear) | None => Filter::Linear,
+            },
+        });
+        Ok(Some(self.done.len() - 1))
+    }
+
+    fn decode(&mut self, index: usize) -> Result<ImageData, SceneError> {
+        let place = format!("images[{index}]");
+        // The JSON itself: the crate's accessor insists on a media type, which decoding does not need.
+        let image = &self.file.document.as_json().images[index];
+        let (name, bytes) = if let Some(view) = image.buffer_view {
+            let view = self.file.document.views().nth(view.value());
+            let bytes = view.and_then(|view| accessor::slice(&view, self.buffers));
+            let bytes = bytes.ok_or_else(|| {
+                self.file.invalid(&*place, "its buffer view reaches past the end of its buffer")
+            })?;
+            (image.name.clone().unwrap_or_else(|| place.clone()), bytes.to_vec())
+        } else if let Some(uri) = &image.uri {
+            let resource = Resource::resolve(self.file.path, uri, &place)?;
+            let name = match &resource {
+                Resource::File(path) => path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                Resource::Data(_) => image.name.clone().unwrap_or_else(|| place.clone()),
+            };
+            (name, resource.into_bytes()?)
+        } else {
+            return Err(self.file.invalid(place, "it has neither a URI nor a buffer view"));
+        };
+        self.decoder
+            .decode(&bytes, &name)
+            .map_err(|problem| self.file.invalid(format!("{place} ({name})"), problem))
+    }
+}

@@ -1,1 +1,0 @@
-//! Wavefront OBJ and MTL.

@@ -1,0 +1,133 @@
+//! `map_…` lines: options, and finding the file that they name.
+
+use std::path::{Component, Path, PathBuf};
+
+use glam::{Affine2, Vec2};
+
+/// A texture as a material names it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Map {
+    /// As written.
+    pub(super) file: String,
+    /// `-s`
+    pub(super) scale: Vec2,
+    /// `-o`
+    pub(super) offset: Vec2,
+    /// `-clamp on`
+    pub(super) clamp: bool,
+    /// `-bm`
+    pub(super) bump: f32,
+}
+
+impl Map {
+    /// Parses what follows the keyword. Options may stand before and after the name, which may contain spaces; those
+    /// without a meaning here are skipped.
+    pub(super) fn parse(text: &str) -> Self {
+        let mut map =
+            Self { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, bump: 1.0 };
+        let tokens: Vec<&str> = text.split_whitespace().collect();
+        let mut name: Vec<&str> = Vec::new();
+        let mut at = 0;
+        while let Some(&token) = tokens.get(at) {
+            at += 1;
+            match token {
+                "-s" | "-o" | "-t" => {
+                    let is_number = |t: &&&str| t.parse::<f32>().is_ok_and(f32::is_finite);
+                    let count = tokens[at..].iter().take(3).take_while(is_number).count();
+                    let number = |i: usize, default| {
+                        if i < count { tokens[at + i].parse().unwrap_or(default) } else { default }
+                    };
+                    match token {
+                        "-s" => map.scale = Vec2::new(number(0, 1.0), number(1, 1.0)),
+                        "-o" => map.offset = Vec2::new(number(0, 0.0), number(1, 0.0)),
+                        _ => {}
+                    }
+                    at += count;
+                }
+                "-bm" => {
+                    let value = tokens.get(at).and_then(|t| t.parse().ok()).filter(|x: &f32| x.is_finite());
+                    map.bump = value.unwrap_or(1.0);
+                    at += 1;
+                }
+                "-clamp" => {
+                    map.clamp = tokens.get(at) == Some(&"on");
+                    at += 1;
+                }
+                "-blendu" | "-blendv" | "-boost" | "-cc" | "-colorspace" | "-imfchan" | "-texres"
+                | "-type" => {
+                    at += 1;
+                }
+                "-mm" => at += 2,
+                _ => name.push(token),
+            }
+        }
+        name.join(" ").trim_matches('"').clone_into(&mut map.file);
+        map
+    }
+
+    /// The options as a transform of coordinates whose v points down.
+    pub(super) fn uv_transform(&self) -> Affine2 {
+        // With v = 1 − v', v ↦ s·v + o becomes v' ↦ s·v' + 1 − s − o.
+        let offset = Vec2::new(self.offset.x, 1.0 - self.scale.y - self.offset.y);
+        Affine2::from_scale_angle_translation(self.scale, 0.0, offset)
+    }
+}
+
+/// Finds the file `name` below `directory`, as written by any system: with backslashes, in the wrong case, or by a
+/// path that made sense on the author's machine only, of which the last part is tried.
+pub(super) fn find_file(directory: &Path, name: &str) -> Option<PathBuf> {
+    if name.is_empty() || name.contains('\0') {
+        return None;
+    }
+    let name = name.replace('\\', "/");
+    let relative = Path::new(&name);
+    let is_relative = !name.contains(':') && relative.is_relative();
+    let as_named = is_relative.then(|| descend(directory, relative)).flatten();
+    as_named.or_else(|| descend(directory, Path::new(relative.file_name()?)))
+}
+
+/// `directory`/`relative` if that is a file; each component in its exact case or, failing that, in any.
+fn descend(directory: &Path, relative: &Path) -> Option<PathBuf> {
+    let mut path = directory.to_owned();
+    for component in relative.components() {
+        match component {
+            Component::Normal(name) if !path.join(name).exists() => {
+                let folder = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
+                let wanted = name.to_string_lossy().to_lowercase();
+                let names = std::fs::read_dir(folder).ok()?.filter_map(|entry| Some(entry.ok()?.file_name()));
+                // The least, so that the choice does not depend on the file system's order.
+                path.push(names.filter(|name| name.to_string_lossy().to_lowercase() == wanted).min()?);
+            }
+            other => path.push(other),
+        }
+    }
+    path.is_file().then_some(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_may_stand_before_and_after_a_name_with_spaces() {
+        let map = Map::parse("-s 2 3 1 -imfchan r my texture 01.png -bm 1.5 -clamp on");
+        assert_eq!(map.file, "my texture 01.png");
+        assert_eq!((map.scale, map.offset), (Vec2::new(2.0, 3.0), Vec2::ZERO));
+        assert_eq!((map.clamp, map.bump), (true, 1.5));
+    }
+
+    #[test]
+    fn options_with_one_number_keep_the_other_default() {
+        let map = Map::parse("-o 0.1 -s 2 diffuse.jpg");
+        assert_eq!((map.offset, map.scale), (Vec2::new(0.1, 0.0), Vec2::new(2.0, 1.0)));
+    }
+
+    #[test]
+    fn the_transform_acts_on_coordinates_that_point_up() {
+        let map = Map::parse("-s 2 3 -o 0.25 0.5 a.png");
+        let up = Vec2::new(0.2, 0.3);
+        let expected = up * Vec2::new(2.0, 3.0) + Vec2::new(0.25, 0.5);
+        let got = map.uv_transform().transform_point2(Vec2::new(up.x, 1.0 - up.y));
+        assert!(Vec2::new(got.x, 1.0 - got.y).abs_diff_eq(expected, 1e-6));
+    }
+}

@@ -1,0 +1,275 @@
+//! MTL materials to chiaro's.
+//!
+//! What MTL leaves open, and habits that exporters share:
+//! - Colours are linear, and the specular highlight is a normalised Phong lobe where both Ks and Ns are above zero;
+//!   where Kd + Ks would reflect more than arrives, Ks is scaled down. Without a highlight a surface is Lambert's.
+//! - A textured material whose Kd is black has a white one: exporters leave Kd out then.
+//! - OBJ surfaces have no side: all are double-sided.
+//! - Dissolve blends; a dissolve map, or a base colour image with transparent texels, cuts out.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use image::{DynamicImage, RgbaImage, imageops};
+
+use super::super::source::{self, Decoder};
+use super::super::warnings::Warnings;
+use super::bump;
+use super::library::Library;
+use super::map::{self, Map};
+use crate::{AlphaMode, Filter, Id, ImageData, Material, Reflection, Scene, Texture, TextureRef, Wrap};
+
+/// Reflectance of a surface that has no material or no Kd: a light grey.
+const DEFAULT_DIFFUSE: Vec3 = Vec3::splat(0.8);
+
+/// What an image file is read as.
+#[derive(Clone, PartialEq, Eq, Hash)]
+enum Use {
+    Color,
+    /// With another file's dissolve as alpha.
+    Masked(PathBuf),
+    /// White with the file's dissolve as alpha.
+    Dissolve,
+    /// From heights if it holds heights: strength (`-bm`, its bits) and whether it is clamped.
+    Normal {
+        strength: u32,
+        clamp: bool,
+    },
+    /// Normals whatever they look like.
+    NormalAsIs,
+}
+
+/// The materials of one OBJ file; those that are used, converted when they first are.
+pub(super) struct Materials<'a> {
+    directory: &'a Path,
+    library: &'a Library,
+    converted: HashMap<Option<usize>, Id>,
+    done: Vec<Material>,
+    textures: Vec<Texture>,
+    images: Vec<ImageData>,
+    /// Images by file and use, and whether the alpha varies; `None` for what could not be read.
+    decoded: HashMap<(PathBuf, Use), Option<(Id, bool)>>,
+    decoder: Decoder,
+}
+
+impl<'a> Materials<'a> {
+    pub(super) fn new(path: &'a Path, library: &'a Library) -> Self {
+        Self {
+            directory: path.parent().unwrap_or(Path::new("")),
+            library,
+            converted: HashMap::new(),
+            done: Vec::new(),
+            textures: Vec::new(),
+            images: Vec::new(),
+            decoded: HashMap::new(),
+            decoder: Decoder::default(),
+        }
+    }
+
+    pub(super) fn get(&self, id: Id) -> &Material {
+        &self.done[id]
+    }
+
+    pub(super) fn finish(self, scene: &mut Scene) {
+        scene.materials = self.done;
+        scene.textures = self.textures;
+        scene.images = self.images;
+    }
+
+    /// Our index of the library's material, `None` being the default.
+    pub(super) fn id(&mut self, index: Option<usize>, warnings: &mut Warnings) -> Id {
+        if let Some(&known) = self.converted.get(&index) {
+            return known;
+        }
+        let library = self.library;
+        let material = match index.and_then(|index| library.materials().get(index)) {
+            Some(source) => self.convert(source, warnings),
+            None => Material {
+                base_color: DEFAULT_DIFFUSE.extend(1.0),
+                specular: 0.0,
+                double_sided: true,
+                ..Material::default()
+            },
+        };
+        self.done.push(material);
+        self.converted.insert(index, self.done.len() - 1);
+        self.done.len() - 1
+    }
+
+    fn convert(&mut self, source: &tobj::Material, warnings: &mut Warnings) -> Material {
+        let unknown = |key: &str| source.unknown_param.get(key);
+        let mut material = Material { name: source.name.clone(), double_sided: true, ..Material::default() };
+
+        self.base_color(source, &mut material, warnings);
+        let (kd, ks) = (material.base_color.truncate(), color(source.specular).unwrap_or(Vec3::ZERO));
+        let ks = ks * energy_scale(kd, ks);
+        match source.shininess {
+            Some(exponent) if exponent > 0.0 && ks.max_element() > 0.0 => {
+                material.reflection = Reflection::Phong { exponent };
+                material.specular_color = ks;
+                material.specular_color_texture =
+                    self.color_texture(source.specular_texture.as_ref(), source, warnings);
+            }
+            _ => material.specular = 0.0,
+        }
+        material.emissive_texture = self.color_texture(unknown("map_Ke"), source, warnings);
+        let ke = color(source.emissive).unwrap_or(Vec3::ZERO);
+        let is_unset = ke == Vec3::ZERO && material.emissive_texture.is_some();
+        material.emissive = if is_unset { Vec3::ONE } else { ke };
+
+        if let Some(normal) = unknown("norm") {
+            let map = Map::parse(normal);
+            material.normal_scale = map.bump;
+            material.normal_texture = self.texture(&map, Use::NormalAsIs, source, warnings).map(|(t, _)| t);
+        } else if let Some(bump) = &source.normal_texture {
+            let map = Map::parse(bump);
+            let as_normals = Use::Normal { strength: map.bump.to_bits(), clamp: map.clamp };
+            material.normal_texture = self.texture(&map, as_normals, source, warnings).map(|(t, _)| t);
+        }
+        if matches!(source.illumination_model, Some(4 | 6 | 7 | 9)) {
+            let (name, model) = (&source.name, source.illumination_model.unwrap_or_default());
+            warnings.add(format!(
+                "material `{name}`: illum {model} asks for refraction; OBJ surfaces are opaque"
+            ));
+        }
+        material
+    }
+
+    /// Kd, map_Kd, d, Tr and map_d.
+    fn base_color(&mut self, source: &tobj::Material, material: &mut Material, warnings: &mut Warnings) {
+        let mask = source.dissolve_texture.as_deref().map(Map::parse);
+        let mask_file = mask.as_ref().and_then(|map| self.find(map, source, warnings));
+        let map = source.diffuse_texture.as_deref().map(Map::parse);
+        // Where both are one file, its alpha is meant, if it has one.
+        let is_same = mask.as_ref().zip(map.as_ref()).is_some_and(|(mask, map)| mask.file == map.file);
+        let as_color = mask_file.filter(|_| !is_same).map_or(Use::Color, Use::Masked);
+        let mut texture = map.and_then(|map| self.texture(&map, as_color, source, warnings));
+        let is_textured = texture.is_some();
+        if let (false, Some(mask)) = (is_textured, mask) {
+            texture = self.texture(&mask, Use::Dissolve, source, warnings);
+        }
+        let kd = color(source.diffuse).unwrap_or(if is_textured { Vec3::ONE } else { DEFAULT_DIFFUSE });
+        let kd = if is_textured && kd == Vec3::ZERO { Vec3::ONE } else { kd };
+        let transparency = source.unknown_param.get("Tr").and_then(|tr| tr.parse::<f32>().ok());
+        let dissolve = source.dissolve.or(transparency.map(|tr| 1.0 - tr)).unwrap_or(1.0).clamp(0.0, 1.0);
+        material.base_color = kd.extend(dissolve);
+        material.base_color_texture = texture.map(|(texture, _)| texture);
+        material.alpha = match texture {
+            _ if dissolve < 1.0 => AlphaMode::Blend,
+            Some((_, true)) => AlphaMode::Mask { cutoff: 0.5 },
+            _ => AlphaMode::Opaque,
+        };
+    }
+
+    fn color_texture(
+        &mut self,
+        map: Option<&String>,
+        source: &tobj::Material,
+        warnings: &mut Warnings,
+    ) -> Option<TextureRef> {
+        let map = Map::parse(map?);
+        self.texture(&map, Use::Color, source, warnings).map(|(texture, _)| texture)
+    }
+
+    /// A texture, and whether its alpha varies.
+    fn texture(
+        &mut self,
+        map: &Map,
+        used_as: Use,
+        source: &tobj::Material,
+        warnings: &mut Warnings,
+    ) -> Option<(TextureRef, bool)> {
+        let file = self.find(map, source, warnings)?;
+        let key = (file, used_as);
+        let known = self.decoded.get(&key).copied();
+        let (image, has_alpha) = known.unwrap_or_else(|| {
+            let decoded = match self.decode(&key.0, &key.1) {
+                Ok(decoded) => Some(decoded),
+                Err(problem) => {
+                    warnings.add(format!("the texture {} was left out: {problem}", key.0.display()));
+                    None
+                }
+            };
+            let decoded = decoded.map(|(image, has_alpha)| {
+                self.images.push(image);
+                (self.images.len() - 1, has_alpha)
+            });
+            self.decoded.insert(key, decoded);
+            decoded
+        })?;
+        let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
+        let texture = Texture { image, wrap: [wrap; 2], filter: Filter::Linear };
+        let id = self.textures.iter().position(|known| *known == texture).unwrap_or_else(|| {
+            self.textures.push(texture);
+            self.textures.len() - 1
+        });
+        Some((TextureRef { uv_transform: map.uv_transform(), ..TextureRef::new(id) }, has_alpha))
+    }
+
+    /// The texture's file, relative to its material library or else to the OBJ.
+    fn find(&self, map: &Map, source: &tobj::Material, warnings: &mut Warnings) -> Option<PathBuf> {
+        let beside_library = map::find_file(self.library.directory(source), &map.file);
+        let found = beside_library.or_else(|| map::find_file(self.directory, &map.file));
+        if found.is_none() {
+            warnings.add(format!("the texture `{}` of material `{}` was not found", map.file, source.name));
+        }
+        found
+    }
+
+    /// An image, and whether its alpha varies; the error says what is wrong with it.
+    fn decode(&mut self, file: &Path, used_as: &Use) -> Result<(ImageData, bool), String> {
+        let mut open = |file: &Path| -> Result<DynamicImage, String> {
+            let bytes = source::read_file(file).map_err(|error| error.to_string())?;
+            self.decoder.decode_dynamic(&bytes, &file.to_string_lossy())
+        };
+        let image = open(file)?;
+        let pixels = match used_as {
+            Use::Color | Use::NormalAsIs => image.into_rgba8(),
+            Use::Dissolve => {
+                let white = RgbaImage::from_pixel(image.width(), image.height(), image::Rgba([255; 4]));
+                masked(white, &image)
+            }
+            Use::Masked(mask) => masked(image.into_rgba8(), &open(mask)?),
+            Use::Normal { strength, clamp } => {
+                let pixels = image.to_rgba8();
+                if bump::is_normal_map(&pixels) {
+                    pixels
+                } else {
+                    bump::normals_from_heights(&image, f32::from_bits(*strength), *clamp)
+                }
+            }
+        };
+        let is_normal = matches!(used_as, Use::Normal { .. } | Use::NormalAsIs);
+        let has_alpha = !is_normal && pixels.pixels().any(|p| p[3] < 255);
+        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let (width, height) = pixels.dimensions();
+        Ok((ImageData { name, width, height, rgba: pixels.into_raw() }, has_alpha))
+    }
+}
+
+fn color(rgb: Option<[f32; 3]>) -> Option<Vec3> {
+    rgb.map(|rgb| Vec3::from(rgb).max(Vec3::ZERO))
+}
+
+/// The largest factor up to 1 for Ks that keeps Kd + Ks ≤ 1 in every channel.
+fn energy_scale(kd: Vec3, ks: Vec3) -> f32 {
+    let channels = kd.to_array().into_iter().zip(ks.to_array()).filter(|(_, ks)| *ks > 0.0);
+    channels.map(|(kd, ks)| (1.0 - kd).max(0.0) / ks).fold(1.0, f32::min)
+}
+
+/// `image` with the dissolve map's alpha, or its brightness where it has none, as alpha.
+fn masked(mut image: RgbaImage, mask: &DynamicImage) -> RgbaImage {
+    let mask = if (mask.width(), mask.height()) == image.dimensions() {
+        mask.clone()
+    } else {
+        mask.resize_exact(image.width(), image.height(), imageops::FilterType::Triangle)
+    };
+    let alpha = mask.color().has_alpha().then(|| mask.to_rgba8());
+    let alpha = alpha.filter(|mask| mask.pixels().any(|p| p[3] < 255));
+    let luma = mask.to_luma8();
+    for (x, y, texel) in image.enumerate_pixels_mut() {
+        texel[3] = alpha.as_ref().map_or(luma.get_pixel(x, y)[0], |alpha| alpha.get_pixel(x, y)[3]);
+    }
+    image
+}

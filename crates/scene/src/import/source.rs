@@ -1,0 +1,140 @@
+//! Bytes from files and URIs, pixels from bytes.
+
+use std::io::{Cursor, Error, ErrorKind};
+use std::path::{Component, Path, PathBuf};
+
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+
+use crate::{ImageData, SceneError};
+
+/// Longest side of an image in pixels: the largest 2D texture that today's GPUs take.
+const MAX_IMAGE_SIDE: u32 = 16_384;
+
+/// Most pixels of all images of a scene together (2 GiB as RGBA): a few kilobytes of PNG can decode to a gigabyte.
+const MAX_PIXELS: u64 = 1 << 29;
+
+/// The whole content of a regular file. Devices and pipes are refused: they may never end.
+pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
+    let read = || {
+        if !std::fs::metadata(path)?.is_file() {
+            return Err(Error::new(ErrorKind::InvalidInput, "not a regular file"));
+        }
+        std::fs::read(path)
+    };
+    read().map_err(|source| SceneError::Read { path: path.to_owned(), source })
+}
+
+/// What a URI in a scene file refers to.
+pub(super) enum Resource {
+    /// `data:` – the bytes themselves.
+    Data(Vec<u8>),
+    /// A file, relative to the scene file.
+    File(PathBuf),
+}
+
+impl Resource {
+    /// Resolves `uri` as found at `place` in the scene file `scene`.
+    pub(super) fn resolve(scene: &Path, uri: &str, place: &str) -> Result<Self, SceneError> {
+        let invalid = |problem: String| SceneError::Invalid {
+            path: scene.to_owned(),
+            place: place.to_owned(),
+            problem,
+        };
+        if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
+            let url =
+                data_url::DataUrl::process(uri).map_err(|e| invalid(format!("not a data URI: {e:?}")))?;
+            let (bytes, _) = url.decode_to_vec().map_err(|e| invalid(format!("not valid base64: {e:?}")))?;
+            return Ok(Self::Data(bytes));
+        }
+        if has_scheme(uri) {
+            return Err(SceneError::Unsupported {
+                path: scene.to_owned(),
+                feature: format!("the URI `{uri}` at {place}"),
+                advice: "refer to files by a path relative to the scene file, or embed them".to_owned(),
+            });
+        }
+        let decoded = percent_encoding::percent_decode_str(uri)
+            .decode_utf8()
+            .map_err(|_| invalid(format!("`{uri}` does not decode to UTF-8")))?;
+        if decoded.is_empty() || decoded.contains('\0') {
+            return Err(invalid("the URI is empty or contains a zero byte".to_owned()));
+        }
+        let relative = Path::new(&*decoded);
+        if relative.components().any(|c| matches!(c, Component::RootDir | Component::Prefix(_))) {
+            return Err(invalid(format!(
+                "`{decoded}` is an absolute path; it must be relative to the scene file"
+            )));
+        }
+        let directory = scene.parent().unwrap_or(Path::new(""));
+        let path = directory.join(relative);
+        // Exporters that forget to percent-encode write names with a literal percent sign.
+        let literal = directory.join(uri);
+        Ok(Self::File(if !path.exists() && literal.exists() { literal } else { path }))
+    }
+
+    /// The bytes, read now if they are in a file.
+    pub(super) fn into_bytes(self) -> Result<Vec<u8>, SceneError> {
+        match self {
+            Self::Data(bytes) => Ok(bytes),
+            Self::File(path) => read_file(&path),
+        }
+    }
+}
+
+/// Whether `uri` starts with a scheme (RFC 3986, section 3.1), such as `https:`.
+fn has_scheme(uri: &str) -> bool {
+    uri.split_once(':').is_some_and(|(scheme, _)| {
+        scheme.starts_with(|c: char| c.is_ascii_alphabetic())
+            && scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
+    })
+}
+
+/// Decodes images to RGBA8 within a budget for the whole scene.
+#[derive(Debug)]
+pub(super) struct Decoder {
+    pixels_left: u64,
+}
+
+impl Default for Decoder {
+    fn default() -> Self {
+        Self { pixels_left: MAX_PIXELS }
+    }
+}
+
+impl Decoder {
+    /// Decodes `bytes`; `name` is for messages, and its extension helps with formats without a signature (TGA).
+    /// The error says what is wrong with the image.
+    pub(super) fn decode(&mut self, bytes: &[u8], name: &str) -> Result<ImageData, String> {
+        let pixels = self.decode_dynamic(bytes, name)?.into_rgba8();
+        let (width, height) = pixels.dimensions();
+        Ok(ImageData { name: name.to_owned(), width, height, rgba: pixels.into_raw() })
+    }
+
+    /// Like [`Self::decode`], in the image's own format.
+    pub(super) fn decode_dynamic(&mut self, bytes: &[u8], name: &str) -> Result<DynamicImage, String> {
+        let mut reader =
+            ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
+        if reader.format().is_none() {
+            let format =
+                ImageFormat::from_path(name).map_err(|_| "not an image of a known format".to_owned())?;
+            reader.set_format(format);
+        }
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(MAX_IMAGE_SIDE);
+        limits.max_image_height = Some(MAX_IMAGE_SIDE);
+        // Sixteen bits and four channels of the largest image, and as much again for the decoder.
+        limits.max_alloc = Some(16 * u64::from(MAX_IMAGE_SIDE).pow(2));
+        reader.limits(limits);
+        let decoder = reader.into_decoder().map_err(|e| e.to_string())?;
+        let (width, height) = decoder.dimensions();
+        let pixels = u64::from(width) * u64::from(height);
+        if pixels == 0 {
+            return Err("the image has no pixels".to_owned());
+        }
+        self.pixels_left = self
+            .pixels_left
+            .checked_sub(pixels)
+            .ok_or_else(|| format!("the scene's images have more than {MAX_PIXELS} pixels together"))?;
+        DynamicImage::from_decoder(decoder).map_err(|e| e.to_string())
+    }
+}

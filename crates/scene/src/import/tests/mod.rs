@@ -1,0 +1,32 @@
+//! What import promises, on documents made here and on the shared assets.
+
+mod assets;
+mod gltf;
+mod gltf_malformed;
+mod obj;
+
+use super::load;
+use crate::SceneError;
+
+#[test]
+fn other_extensions_are_refused_by_what_would_do() {
+    for scene in ["teapot.fbx", "teapot", "archive.tar.gz"] {
+        let error = load(scene).unwrap_err();
+        assert!(matches!(error, SceneError::Unsupported { .. }), "{error}");
+        assert!(error.to_string().contains(".glb"), "{error}");
+    }
+}
+
+#[test]
+fn extensions_are_compared_without_case() {
+    for scene in ["absent.GLB", "absent.gLtF", "absent.OBJ"] {
+        let error = load(scene).unwrap_err();
+        assert!(matches!(error, SceneError::Read { .. }), "{error}");
+    }
+}
+
+#[test]
+fn an_unknown_builtin_is_refused_with_the_names_there_are() {
+    let error = load("builtin:no such scene").unwrap_err().to_string();
+    assert!(crate::builtin::SCENES.iter().all(|(name, _)| error.contains(name)), "{error}");
+}

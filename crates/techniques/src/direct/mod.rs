@@ -1,0 +1,238 @@
+//! Direct light from any number of lights, in a deferred (compute) and a forward (MSAA) pipeline over the same WESL.
+//!
+//! Local lights are found through froxels (Olsson, Billeter & Assarsson 2012, "Clustered Deferred and Forward
+//! Shading"): a bit per light says whether it may reach the froxel, so hundreds of lights cost what they light. A
+//! light is cut off only by the range its file states: no energy is lost to an invented radius.
+//!
+//! | input | output | format | unit |
+//! | --- | --- | --- | --- |
+//! | frame, lights, shadow views (group 0) | light_grid | u32 words, a bit a light | – |
+//! | surface buffer, shadow maps | radiance | Rgba16Float | nits · radiance scale |
+//!
+//! Cost: 24 bytes a pixel read, 8 written, and per light the BRDF and the filter's taps.
+
+mod lights;
+
+pub use lights::{grid_size, illuminance_scale, light_data};
+
+use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
+use chiaro_gpu::{
+    Attachment, Bind, Buffer, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout,
+    Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
+};
+
+use crate::shaders;
+use crate::shadow::{Filter, ShadowOutputs, ShadowSettings};
+use crate::surface::culling::{DEPTH_COMPARE, DrawLists, draw_classes};
+use crate::surface::scene::CLASSES;
+use crate::surface::{SceneGpu, SurfaceBuffer, cull_mode};
+
+/// What shaders are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Permutations {
+    /// Texels of the filter kernel, 0 = unfiltered.
+    pub pcf_kernel: u32,
+    /// Samples per pixel of the forward pipeline.
+    pub msaa: u32,
+}
+
+impl Permutations {
+    /// Those that settings ask for.
+    pub fn new(shadow: &ShadowSettings, msaa: u32) -> Self {
+        let pcf_kernel = if shadow.filter == Filter::None { 0 } else { shadow.pcf_kernel.texels() };
+        Self { pcf_kernel, msaa }
+    }
+
+    /// Constants of every shader that looks shadows up.
+    pub fn constants(&self) -> [(&'static str, f64); 1] {
+        [("PCF_KERNEL", f64::from(self.pcf_kernel))]
+    }
+}
+
+/// The direct lighting passes.
+#[derive(Debug)]
+pub struct DirectLight {
+    grid: ComputePipeline,
+    shade: [ComputePipeline; 2],
+    forward: [RenderPipeline; CLASSES],
+    permutations: Permutations,
+    targets: Option<Buffers>,
+}
+
+#[derive(Debug)]
+struct Buffers {
+    radiance: Texture,
+    light_grid: Buffer,
+    words: u64,
+    multisampled: Option<(Texture, Texture)>,
+}
+
+impl DirectLight {
+    /// Compiles the passes.
+    ///
+    /// # Errors
+    /// When a shader does not compile.
+    pub fn new(
+        gpu: &Gpu,
+        frame_layout: &GroupLayout,
+        scene_layout: &GroupLayout,
+        permutations: Permutations,
+    ) -> Result<Self, GpuError> {
+        let library = shaders::library();
+        let shared = &[frame_layout, scene_layout];
+        let constants = permutations.constants();
+        let shade = |emissive| ComputePipeline::new(gpu, &library, &shaders::shade(emissive), shared, &constants);
+        let target = [wgpu::ColorTargetState {
+            format: TextureFormat::Rgba16Float,
+            blend: None,
+            write_mask: wgpu::ColorWrites::ALL,
+        }];
+        let multisampled = permutations.msaa > 1;
+        let forward = |class: usize| {
+            let masked = class & 2 != 0;
+            let options = RenderPipelineOptions {
+                targets: &target,
+                depth: Some((TextureFormat::Depth32Float, DEPTH_COMPARE)),
+                cull: cull_mode(class),
+                samples: permutations.msaa,
+                alpha_to_coverage: masked && multisampled,
+                constants: &constants,
+                ..Default::default()
+            };
+            RenderPipeline::new(gpu, &library, &shaders::forward(masked, multisampled), shared, &options)
+        };
+        Ok(Self {
+            grid: ComputePipeline::new(gpu, &library, &shaders::plain("direct/grid.cs.wesl"), shared, &[])?,
+            shade: [shade(false)?, shade(true)?],
+            forward: [forward(0)?, forward(1)?, forward(2)?, forward(3)?],
+            permutations,
+            targets: None,
+        })
+    }
+
+    /// What the passes were compiled for.
+    pub fn permutations(&self) -> Permutations {
+        self.permutations
+    }
+
+    /// Makes room for a picture size and a light grid. Not inside a frame.
+    pub fn reserve(&mut self, gpu: &Gpu, pool: &TexturePool, size: [u32; 2], grid: [u32; 4], forward: bool) {
+        let words = grid.iter().map(|&n| u64::from(n)).product();
+        let samples = if forward { self.permutations.msaa } else { 1 };
+        let fits = |b: &Buffers| {
+            let o = b.radiance.options();
+            let has = b.multisampled.as_ref().map_or(1, |(color, _)| color.options().samples);
+            let has_depth = b.multisampled.is_some() == forward;
+            [o.width, o.height] == size && b.words >= words && has_depth && (!forward || has == samples)
+        };
+        if self.targets.as_ref().is_some_and(fits) {
+            return;
+        }
+        let lend = |name, format, usage, samples| {
+            let options = TextureOptions { samples, ..TextureOptions::new(size[0], size[1], format, usage) };
+            pool.lend(gpu, name, Life::Frame, options)
+        };
+        let attachment = TextureUsages::RENDER_ATTACHMENT;
+        let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | attachment;
+        self.targets = Some(Buffers {
+            radiance: lend("radiance", TextureFormat::Rgba16Float, usage, 1),
+            light_grid: Buffer::new(gpu, "light_grid", Life::Frame, 4 * words, BufferUsages::STORAGE),
+            words,
+            multisampled: forward.then(|| {
+                (
+                    lend("forward_color", TextureFormat::Rgba16Float, attachment, samples),
+                    lend("forward_depth", TextureFormat::Depth32Float, attachment, samples),
+                )
+            }),
+        });
+    }
+
+    fn targets(&self) -> &Buffers {
+        match &self.targets {
+            Some(targets) => targets,
+            None => panic!("direct: no room reserved"),
+        }
+    }
+
+    /// Finds the lights of every froxel.
+    pub fn record_grid(&self, frame: &mut Frame<'_>, frame_group: &Group) -> Buffer {
+        let targets = self.targets();
+        let lanes = targets.words.div_ceil(64) as u32;
+        frame.compute(
+            "direct/light_grid",
+            &self.grid,
+            &[frame_group],
+            &[("light_grid", (&targets.light_grid).into())],
+            Dispatch::Groups([lanes.min(32_768), lanes.div_ceil(32_768), 1]),
+        );
+        targets.light_grid.clone()
+    }
+
+    /// Deferred: radiance from the surface buffer.
+    pub fn record_deferred(
+        &self,
+        frame: &mut Frame<'_>,
+        frame_group: &Group,
+        surface: &SurfaceBuffer,
+        shadows: &ShadowOutputs,
+        light_grid: &Buffer,
+    ) -> Texture {
+        let targets = self.targets();
+        let mut binds = lighting_binds(shadows, light_grid).to_vec();
+        binds.extend(surface_binds(surface));
+        binds.push(("radiance", (&targets.radiance).into()));
+        if let Some(emissive) = &surface.emissive {
+            binds.push(("emissive", emissive.into()));
+        }
+        let options = targets.radiance.options();
+        let pipeline = &self.shade[usize::from(surface.emissive.is_some())];
+        let threads = Dispatch::Threads([options.width, options.height, 1]);
+        frame.compute("direct/shade", pipeline, &[frame_group], &binds, threads);
+        targets.radiance.clone()
+    }
+
+    /// Forward: radiance from the camera's draw list; `sky` in stored units.
+    pub fn record_forward(
+        &self,
+        frame: &mut Frame<'_>,
+        (frame_group, scene): (&Group, &SceneGpu),
+        lists: &DrawLists,
+        shadows: &ShadowOutputs,
+        light_grid: &Buffer,
+        sky: wgpu::Color,
+    ) -> Texture {
+        let targets = self.targets();
+        let Some((color, depth)) = &targets.multisampled else { panic!("direct: no forward targets reserved") };
+        // One sample needs no resolve: the radiance target is drawn into.
+        let single = self.permutations.msaa == 1;
+        let attachment = Attachment {
+            texture: if single { &targets.radiance } else { color },
+            clear: Some(sky),
+            resolve: (!single).then_some(&targets.radiance),
+        };
+        let passes = Targets {
+            color: &[attachment],
+            depth: Some(DepthAttachment { texture: depth, layer: 0, clear: Some(0.0) }),
+        };
+        let binds = lighting_binds(shadows, light_grid);
+        let shared = &[frame_group, scene.group()];
+        frame.render("direct/forward", passes, |pass| {
+            draw_classes(pass, &self.forward, shared, &binds, (lists, 0, true));
+        });
+        targets.radiance.clone()
+    }
+}
+
+/// What `direct/lighting.wesl` binds.
+pub fn lighting_binds<'a>(shadows: &'a ShadowOutputs, light_grid: &'a Buffer) -> [Bind<'a>; 3] {
+    [
+        ("shadow_maps", (&shadows.maps).into()),
+        ("shadow_compare", (&shadows.compare).into()),
+        ("light_grid", light_grid.into()),
+    ]
+}
+
+/// The surface buffer's bindings.
+pub fn surface_binds(surface: &SurfaceBuffer) -> [Bind<'_>; 2] {
+    [("depth", (&surface.depth).into()), ("surface", (&surface.surface).into())]
+}

@@ -1,0 +1,63 @@
+//! Rust structs that reach the GPU against their WESL twins.
+
+use std::mem::offset_of;
+
+use chiaro_gpu::shader::{Linked, check_layout};
+
+use crate::shaders;
+use crate::shared::frame::{FrameData, LightData, ShadowViewData};
+use crate::surface::material::MaterialData;
+use crate::surface::scene::{ClusterData, InstanceData, ItemData};
+
+macro_rules! same {
+    ($linked:expr, $rust:ty, $wesl:literal, $($field:ident),+ $(,)?) => {
+        check_layout($linked, $wesl, &[$((stringify!($field), offset_of!($rust, $field))),+], size_of::<$rust>())
+            .unwrap();
+    };
+}
+
+fn linked(entry: &'static str) -> Linked {
+    let permutation = shaders::permutations().into_iter().find(|p| p.entry == entry).unwrap();
+    shaders::library().link(&permutation).unwrap()
+}
+
+#[test]
+fn rust_structs_equal_their_wesl_twins() {
+    let shade = &linked("direct/shade.cs.wesl");
+    same!(
+        shade, FrameData, "Frame", clip_from_ws, relative_from_clip, previous_clip_from_ws, eye_ws, orthographic,
+        forward_ws, footprint_scale, size_px, directional_lights, local_lights, grid, grid_slices, lighting_model,
+        seed, ambient, radiance_scale, sky, normal_maps,
+    );
+    same!(
+        shade, LightData, "Light", position_ws, kind, direction_ws, inverse_range_squared, intensity, first_view,
+        cone_scale, cone_offset, view_count, cone_rad,
+    );
+    same!(
+        shade, ShadowViewData, "ShadowView", clip_from_ws, rect, layer, perspective, texel_m, normal_offset,
+        constant_bias, slope_bias, near_m, far_m, eye_ws, resolution,
+    );
+    let resolve = &linked("surface/resolve.cs.wesl");
+    same!(
+        resolve, ClusterData, "Cluster", sphere, cone, positions, attributes, triangles, triangle_count, extras,
+        material, double_sided, vertex_count,
+    );
+    same!(
+        resolve, InstanceData, "Instance", world_from_object, previous_world_from_object, max_scale, flags, node,
+        reserved,
+    );
+    same!(resolve, ItemData, "Item", cluster, instance);
+    same!(
+        resolve, MaterialData, "Material", base_color, emissive, kind, metallic, roughness, specular, normal_scale,
+        specular_color, occlusion_strength, alpha_cutoff, reserved, base_color_texture, metallic_roughness_texture,
+        normal_texture, occlusion_texture, emissive_texture, specular_texture, specular_color_texture,
+    );
+}
+
+#[test]
+fn a_struct_that_differs_is_found() {
+    let shade = &linked("direct/shade.cs.wesl");
+    let wrong = [("position_ws", 0), ("kind", 16)];
+    let message = check_layout(shade, "Light", &wrong, 32).unwrap_err();
+    assert!(message.contains("intensity"), "{message}");
+}

@@ -1,0 +1,276 @@
+//! From radiance to pictures: accumulation of jittered frames, exposure, tone mapping, and single quantities (AOVs).
+//!
+//! | output | format | unit |
+//! | --- | --- | --- |
+//! | sum | Rgba32Float | nits summed over frames; alpha counts them |
+//! | picture | Rgba8Unorm | sRGB code values |
+//!
+//! Exposure is deterministic: a histogram of integer counts, no history.
+
+mod settings;
+
+pub use settings::{CameraSettings, Curve, Exposure};
+
+use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
+use chiaro_gpu::{
+    Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture, TextureOptions,
+    TexturePool,
+};
+
+use crate::direct::{Permutations, lighting_binds, surface_binds};
+use crate::shaders;
+use crate::shadow::ShadowOutputs;
+use crate::surface::SurfaceBuffer;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Accumulation {
+    size_px: [u32; 2],
+    frames_before: u32,
+    nits: f32,
+}
+
+/// A quantity shown by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Aov {
+    /// Direct light, nits.
+    Direct,
+    /// Base colour, linear.
+    Albedo,
+    /// World-space shading normal, −1..1.
+    Normal,
+    /// Metres along the camera's axis.
+    Depth,
+    /// Share of all direct light that arrives, 0..1.
+    Shadow,
+    /// Light that is not direct, nits.
+    Indirect,
+    /// Roughness, metalness, specular.
+    Roughness,
+    /// World-space normal of the triangle, −1..1.
+    GeometricNormal,
+}
+
+impl Aov {
+    /// All, with the names `--aov` takes.
+    pub const ALL: [(Self, &'static str); 8] = [
+        (Self::Direct, "direct"),
+        (Self::Albedo, "albedo"),
+        (Self::Normal, "normal"),
+        (Self::Depth, "depth"),
+        (Self::Shadow, "shadow"),
+        (Self::Indirect, "indirect"),
+        (Self::Roughness, "roughness"),
+        (Self::GeometricNormal, "geometric_normal"),
+    ];
+
+    /// By name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|(_, n)| *n == name).map(|(aov, _)| aov)
+    }
+
+    fn code(self) -> u32 {
+        match self {
+            Self::Direct => 0,
+            Self::Albedo => 1,
+            Self::Normal => 2,
+            Self::Depth => 3,
+            Self::Shadow => 4,
+            Self::Indirect => 5,
+            Self::Roughness => 6,
+            Self::GeometricNormal => 8,
+        }
+    }
+}
+
+/// Two textures that take turns as sum and sum before.
+#[derive(Clone, Debug)]
+pub struct Sum {
+    textures: [Texture; 2],
+    frames: u32,
+}
+
+impl Sum {
+    /// An empty sum.
+    pub fn new(gpu: &Gpu, pool: &TexturePool, [width, height]: [u32; 2]) -> Self {
+        let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
+        let options = TextureOptions::new(width, height, TextureFormat::Rgba32Float, usage);
+        let textures = [0, 1].map(|_| pool.lend(gpu, "sum", Life::Kept, options));
+        Self { textures, frames: 0 }
+    }
+
+    /// Starts anew.
+    pub fn restart(&mut self) {
+        self.frames = 0;
+    }
+
+    /// The newest sum: nits summed, frames in alpha.
+    pub fn texture(&self) -> &Texture {
+        &self.textures[self.frames as usize % 2]
+    }
+
+    fn before(&self) -> &Texture {
+        self.texture()
+    }
+
+    fn after(&self) -> &Texture {
+        &self.textures[(self.frames as usize + 1) % 2]
+    }
+}
+
+/// Sums up frames.
+#[derive(Debug)]
+pub struct Accumulator {
+    pipeline: ComputePipeline,
+    uniform: Buffer,
+}
+
+impl Accumulator {
+    /// Compiles the pass.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        Ok(Self {
+            pipeline: plain(gpu, "post/accumulate.cs.wesl")?,
+            uniform: uniform::<Accumulation>(gpu, "accumulation"),
+        })
+    }
+
+    /// Adds a frame whose stored units are `nits` each.
+    pub fn record(&self, frame: &mut Frame<'_>, radiance: &Texture, nits: f32, sum: &mut Sum) {
+        let options = *sum.texture().options();
+        let size_px = [options.width, options.height];
+        frame.upload(&self.uniform, &[Accumulation { size_px, frames_before: sum.frames, nits }]);
+        let binds = [
+            ("accumulation", (&self.uniform).into()),
+            ("radiance", radiance.into()),
+            ("sum_before", sum.before().into()),
+            ("sum", sum.after().into()),
+        ];
+        frame.compute("post/accumulate", &self.pipeline, &[], &binds, over(sum));
+        sum.frames += 1;
+    }
+}
+
+/// Turns a sum into a picture.
+#[derive(Debug)]
+pub struct Display {
+    histogram: ComputePipeline,
+    exposure: ComputePipeline,
+    tone_map: ComputePipeline,
+    bins: Buffer,
+    exposure_input: Buffer,
+    exposure_value: Buffer,
+    curve: Buffer,
+}
+
+impl Display {
+    /// Compiles the passes.
+    ///
+    /// # Errors
+    /// When a shader does not compile.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        Ok(Self {
+            histogram: plain(gpu, "post/histogram.cs.wesl")?,
+            exposure: plain(gpu, "post/exposure.cs.wesl")?,
+            tone_map: plain(gpu, "post/tone_map.cs.wesl")?,
+            bins: Buffer::new(gpu, "histogram", Life::Frame, 4 * 256, storage),
+            exposure_input: uniform::<[u32; 4]>(gpu, "exposure_input"),
+            exposure_value: Buffer::new(gpu, "exposure", Life::Frame, 16, storage),
+            curve: uniform::<[u32; 4]>(gpu, "tone_map"),
+        })
+    }
+
+    /// A picture's texture.
+    pub fn picture(gpu: &Gpu, pool: &TexturePool, [width, height]: [u32; 2]) -> Texture {
+        let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
+        let options = TextureOptions::new(width, height, TextureFormat::Rgba8Unorm, usage);
+        pool.lend(gpu, "picture", Life::Kept, options)
+    }
+
+    /// Exposes and tone-maps a sum.
+    pub fn record(&self, frame: &mut Frame<'_>, settings: &CameraSettings, sum: &Sum, picture: &Texture) {
+        let (automatic, ev) = match settings.exposure_ev100 {
+            Exposure::Auto => (1, 0.0f32),
+            Exposure::Ev100(ev) => (0, ev),
+        };
+        frame.upload(&self.exposure_input, &[[automatic, ev.to_bits(), 0, 0]]);
+        let curve = match settings.tone_map {
+            Curve::None => 0,
+            Curve::Aces => 1,
+            Curve::Agx => 2,
+        };
+        frame.upload(&self.curve, &[[curve, 0, 0, 0]]);
+        frame.clear(&self.bins);
+        let sum_texture = ("sum", sum.texture().into());
+        let bins = ("histogram", (&self.bins).into());
+        let exposure = ("exposure", (&self.exposure_value).into());
+        frame.compute("post/histogram", &self.histogram, &[], &[sum_texture, bins], over(sum));
+        let binds = [("exposure_input", (&self.exposure_input).into()), bins, exposure];
+        frame.compute("post/exposure", &self.exposure, &[], &binds, Dispatch::Groups([1; 3]));
+        let binds = [("tone_map", (&self.curve).into()), sum_texture, exposure, ("picture", picture.into())];
+        frame.compute("post/tone_map", &self.tone_map, &[], &binds, over(sum));
+    }
+}
+
+/// Shows single quantities of the surface buffer and of lighting.
+#[derive(Debug)]
+pub struct AovPass {
+    pipeline: ComputePipeline,
+    inputs: Vec<Buffer>,
+}
+
+impl AovPass {
+    /// Compiles the pass, for so many quantities a frame.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(
+        gpu: &Gpu,
+        frame_layout: &GroupLayout,
+        permutations: Permutations,
+        count: usize,
+    ) -> Result<Self, GpuError> {
+        let entry = shaders::plain("post/aov.cs.wesl");
+        let constants = permutations.constants();
+        let pipeline = ComputePipeline::new(gpu, &shaders::library(), &entry, &[frame_layout], &constants)?;
+        Ok(Self { pipeline, inputs: (0..count).map(|_| uniform::<[u32; 4]>(gpu, "aov_input")).collect() })
+    }
+
+    /// Adds this frame's value of quantity number `index` of those the pass was made for.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        frame_group: &Group,
+        (surface, shadows, light_grid): (&SurfaceBuffer, &ShadowOutputs, &Buffer),
+        (index, aov): (usize, Aov),
+        sum: &mut Sum,
+    ) {
+        let input = &self.inputs[index];
+        frame.upload(input, &[[aov.code(), sum.frames, 0, 0]]);
+        let mut binds: Vec<Bind<'_>> = lighting_binds(shadows, light_grid).to_vec();
+        binds.extend(surface_binds(surface));
+        binds.push(("aov_input", input.into()));
+        binds.push(("sum_before", sum.before().into()));
+        binds.push(("sum", sum.after().into()));
+        frame.compute("post/aov", &self.pipeline, &[frame_group], &binds, over(sum));
+        sum.frames += 1;
+    }
+}
+
+fn plain(gpu: &Gpu, entry: &'static str) -> Result<ComputePipeline, GpuError> {
+    ComputePipeline::new(gpu, &shaders::library(), &shaders::plain(entry), &[], &[])
+}
+
+fn uniform<T>(gpu: &Gpu, name: &'static str) -> Buffer {
+    let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+    Buffer::new(gpu, name, Life::Frame, size_of::<T>() as u64, usage)
+}
+
+fn over(sum: &Sum) -> Dispatch<'static> {
+    let options = sum.texture().options();
+    Dispatch::Threads([options.width, options.height, 1])
+}

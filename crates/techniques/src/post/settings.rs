@@ -1,0 +1,55 @@
+//! Settings from scene radiance to the screen.
+
+use crate::settings::Value;
+use crate::{choice, settings};
+
+choice! {
+    /// The curve from exposed radiance to the screen.
+    pub enum Curve {
+        /// Punchy, filmic, hue shifts towards white.
+        Aces = "aces",
+        /// Softer, keeps hues of bright colours.
+        Agx = "agx",
+        /// Clamped.
+        None = "none",
+    }
+}
+
+/// Exposure of pictures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Exposure {
+    /// From the picture's own histogram.
+    Auto,
+    /// Exposure value at ISO 100.
+    Ev100(f32),
+}
+
+impl Value for Exposure {
+    type Range = std::ops::RangeInclusive<f32>;
+    fn parse(text: &str, range: &Self::Range) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        f32::parse(text, range).map(Self::Ev100).map_err(|expected| format!("auto or {expected}"))
+    }
+    fn show(&self) -> String {
+        match self {
+            Self::Auto => "auto".into(),
+            Self::Ev100(ev) => ev.to_string(),
+        }
+    }
+    fn show_range(range: &Self::Range) -> String {
+        format!("auto|{}", f32::show_range(range))
+    }
+}
+
+settings! {
+    /// From radiance to the screen. EXR files are not touched by these.
+    pub struct CameraSettings: "camera" {
+        /// Exposure: auto from the picture's histogram, or by hand; +1 halves the brightness. 15 suits a sunny day,
+        /// 7 a lit room.
+        exposure_ev100: Exposure = Exposure::Auto, "EV100", -16.0..=24.0, Uniform;
+        /// Curve from exposed radiance to the screen.
+        tone_map: Curve = Curve::Aces, "", (), Uniform;
+    }
+}

@@ -1,0 +1,224 @@
+//! One declaration of a technique's parameters feeds the command line, the viewer's panel, presets and the docs.
+//!
+//! [`settings!`] declares a struct whose fields carry meaning (the doc comment), unit, range, default and what a
+//! change costs; [`choice!`] an enum whose variants have names. [`SettingsGroup`] reads and writes fields as text.
+
+use std::ops::RangeInclusive;
+
+/// What a change of a setting costs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// Nothing: a number in a buffer.
+    Uniform,
+    /// Textures or buffers are made again.
+    Resources,
+    /// A pipeline is compiled, off the frame.
+    Permutation,
+}
+
+/// One setting, described.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// `group.name`, as `--set` takes it.
+    pub key: String,
+    /// What it means, and what more or less of it does.
+    pub meaning: String,
+    /// Unit of the number, or empty.
+    pub unit: &'static str,
+    /// Allowed values.
+    pub range: String,
+    /// Value if not set.
+    pub default: String,
+    /// Cost of a change.
+    pub effect: Effect,
+}
+
+/// A type that a setting can have.
+pub trait Value: Sized + Clone {
+    /// How its range is declared.
+    type Range;
+    /// Reads a value.
+    ///
+    /// # Errors
+    /// A phrase that says what would be right.
+    fn parse(text: &str, range: &Self::Range) -> Result<Self, String>;
+    /// Writes it as [`Value::parse`] reads it.
+    fn show(&self) -> String;
+    /// The range in words.
+    fn show_range(range: &Self::Range) -> String;
+}
+
+impl Value for bool {
+    type Range = ();
+    fn parse(text: &str, (): &()) -> Result<Self, String> {
+        match text {
+            "true" | "on" | "1" => Ok(true),
+            "false" | "off" | "0" => Ok(false),
+            _ => Err("true or false".into()),
+        }
+    }
+    fn show(&self) -> String {
+        self.to_string()
+    }
+    fn show_range((): &()) -> String {
+        "true|false".into()
+    }
+}
+
+macro_rules! number {
+    ($($ty:ty),*) => {$(
+        impl Value for $ty {
+            type Range = RangeInclusive<$ty>;
+            fn parse(text: &str, range: &Self::Range) -> Result<Self, String> {
+                let value = text.parse::<$ty>().ok().filter(|value| range.contains(value));
+                value.ok_or_else(|| format!("a number in {}", Self::show_range(range)))
+            }
+            fn show(&self) -> String {
+                self.to_string()
+            }
+            fn show_range(range: &Self::Range) -> String {
+                format!("{}..{}", range.start(), range.end())
+            }
+        }
+    )*};
+}
+number!(u32, f32);
+
+/// A struct of settings.
+pub trait SettingsGroup {
+    /// The key's first part.
+    const GROUP: &'static str;
+    /// All fields, in declaration order.
+    fn fields() -> Vec<Field>;
+    /// The value of `name` (the key without the group).
+    fn get(&self, name: &str) -> Option<String>;
+    /// Sets `name` from text; `None` when there is no such field.
+    ///
+    /// # Errors
+    /// A phrase that says what the value may be.
+    fn set(&mut self, name: &str, text: &str) -> Option<Result<(), String>>;
+}
+
+/// Declares an enum of named choices; the first is the default.
+#[macro_export]
+macro_rules! choice {
+    ($(#[$meta:meta])* pub enum $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum $name { $($(#[$doc])* $variant),+ }
+
+        impl $crate::settings::Value for $name {
+            type Range = ();
+            fn parse(text: &str, (): &()) -> Result<Self, String> {
+                match text {
+                    $($text => Ok(Self::$variant),)+
+                    _ => Err(format!("one of {}", [$($text),+].join(", "))),
+                }
+            }
+            fn show(&self) -> String {
+                match self { $(Self::$variant => $text.into()),+ }
+            }
+            fn show_range((): &()) -> String {
+                [$($text),+].join("|")
+            }
+        }
+    };
+}
+
+/// Declares a struct of settings: `name: Type = default, "unit", range, Effect;`, with the meaning as doc comment.
+/// `name as "other.key"` where the key is no identifier.
+#[macro_export]
+macro_rules! settings {
+    (
+        $(#[$meta:meta])*
+        pub struct $name:ident: $group:literal {
+            $(
+                $(#[doc = $doc:literal])+
+                $field:ident $(as $key:literal)? : $ty:ty = $default:expr, $unit:literal, $range:expr, $effect:ident;
+            )+
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct $name { $($(#[doc = $doc])+ pub $field: $ty),+ }
+
+        impl Default for $name {
+            fn default() -> Self { Self { $($field: $default),+ } }
+        }
+
+        impl $crate::settings::SettingsGroup for $name {
+            const GROUP: &'static str = $group;
+            fn fields() -> Vec<$crate::settings::Field> {
+                vec![$($crate::settings::Field {
+                    key: format!("{}.{}", $group, $crate::settings!(@key $field $($key)?)),
+                    meaning: [$($doc),+].map(str::trim).join(" "),
+                    unit: $unit,
+                    range: <$ty as $crate::settings::Value>::show_range(&$range),
+                    default: <$ty as $crate::settings::Value>::show(&$default),
+                    effect: $crate::settings::Effect::$effect,
+                }),+]
+            }
+            fn get(&self, name: &str) -> Option<String> {
+                $(if name == $crate::settings!(@key $field $($key)?) {
+                    return Some($crate::settings::Value::show(&self.$field));
+                })+
+                None
+            }
+            fn set(&mut self, name: &str, text: &str) -> Option<Result<(), String>> {
+                $(if name == $crate::settings!(@key $field $($key)?) {
+                    let value = <$ty as $crate::settings::Value>::parse(text, &$range);
+                    return Some(value.map(|value| self.$field = value));
+                })+
+                None
+            }
+        }
+    };
+    (@key $field:ident $key:literal) => { $key };
+    (@key $field:ident) => { stringify!($field) };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    choice! {
+        /// A choice.
+        pub enum Shape { /// Round.
+            Round = "round", /// Flat.
+            Flat = "flat" }
+    }
+    settings! {
+        /// Settings.
+        pub struct Sample: "sample" {
+            /// How many.
+            count: u32 = 3, "things", 1..=8, Resources;
+            /// Which shape.
+            shape: Shape = Shape::Round, "", (), Permutation;
+            /// A nested key,
+            /// on two lines.
+            bias_slope as "bias.slope": f32 = 0.5, "texels", 0.0..=1.0, Uniform;
+        }
+    }
+
+    #[test]
+    fn every_default_is_in_its_range_and_reads_back() {
+        let mut sample = Sample::default();
+        for field in Sample::fields() {
+            let name = field.key.strip_prefix("sample.").unwrap();
+            assert_eq!(sample.get(name).as_deref(), Some(field.default.as_str()));
+            assert_eq!(sample.set(name, &field.default), Some(Ok(())));
+        }
+        assert_eq!(sample, Sample::default());
+    }
+
+    #[test]
+    fn a_wrong_value_says_what_is_right_and_changes_nothing() {
+        let mut sample = Sample::default();
+        assert_eq!(sample.set("count", "9"), Some(Err("a number in 1..8".into())));
+        assert_eq!(sample.set("bias.slope", "NaN"), Some(Err("a number in 0..1".into())));
+        assert_eq!(sample.set("shape", "square"), Some(Err("one of round, flat".into())));
+        assert_eq!(sample.set("colour", "1"), None);
+        assert_eq!(sample, Sample::default());
+        assert_eq!(Sample::fields()[2].meaning, "A nested key, on two lines.");
+    }
+}

@@ -1,0 +1,128 @@
+//! Every shader of this crate, and every permutation of every entry file.
+
+use chiaro_gpu::shader::{Library, Permutation};
+
+macro_rules! shader {
+    ($path:literal) => {
+        ($path, include_str!($path))
+    };
+}
+
+/// All WESL modules by path.
+pub const MODULES: &[(&str, &str)] = &[
+    shader!("direct/forward.vs.wesl"),
+    shader!("direct/grid.cs.wesl"),
+    shader!("direct/lighting.wesl"),
+    shader!("direct/shade.cs.wesl"),
+    shader!("post/accumulate.cs.wesl"),
+    shader!("post/aov.cs.wesl"),
+    shader!("post/exposure.cs.wesl"),
+    shader!("post/histogram.cs.wesl"),
+    shader!("post/tone_map.cs.wesl"),
+    shader!("shadow/depth.vs.wesl"),
+    shader!("shadow/lookup.wesl"),
+    shader!("shared/albedo_table.cs.wesl"),
+    shader!("shared/brdf.wesl"),
+    shader!("shared/color.wesl"),
+    shader!("shared/depth.wesl"),
+    shader!("shared/frame.wesl"),
+    shader!("shared/oct.wesl"),
+    shader!("shared/scene.wesl"),
+    shader!("surface/cull_count.cs.wesl"),
+    shader!("surface/cull_expand.cs.wesl"),
+    shader!("surface/cull_scan.cs.wesl"),
+    shader!("surface/geometry.wesl"),
+    shader!("surface/material.wesl"),
+    shader!("surface/resolve.cs.wesl"),
+    shader!("surface/surface.wesl"),
+    shader!("surface/texture.wesl"),
+    shader!("surface/visibility.vs.wesl"),
+];
+
+/// The modules as a library to link from.
+pub fn library() -> Library {
+    Library::new(MODULES)
+}
+
+/// Every permutation that a pass can ask for. A test links and validates all of them without a GPU, and checks that
+/// every entry file stands here.
+pub fn permutations() -> Vec<Permutation> {
+    let plain_entries = [
+        "direct/grid.cs.wesl",
+        "post/accumulate.cs.wesl",
+        "post/aov.cs.wesl",
+        "post/exposure.cs.wesl",
+        "post/histogram.cs.wesl",
+        "post/tone_map.cs.wesl",
+        "shared/albedo_table.cs.wesl",
+        "surface/cull_count.cs.wesl",
+        "surface/cull_expand.cs.wesl",
+        "surface/cull_scan.cs.wesl",
+    ];
+    let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
+    for a in [false, true] {
+        all.push(resolve(a));
+        all.push(shade(a));
+        all.push(shadow_depth(a));
+        for b in [false, true] {
+            all.push(visibility(a, b));
+            all.push(forward(a, b));
+        }
+    }
+    all
+}
+
+/// An entry file without flags.
+pub fn plain(entry: &'static str) -> Permutation {
+    Permutation::plain(entry)
+}
+
+/// Surface buffer from visibility; with `emissive`, radiance of glowing surfaces too.
+pub fn resolve(emissive: bool) -> Permutation {
+    Permutation::plain("surface/resolve.cs.wesl").flag("emissive", emissive)
+}
+
+/// Deferred shading.
+pub fn shade(emissive: bool) -> Permutation {
+    Permutation::plain("direct/shade.cs.wesl").flag("emissive", emissive)
+}
+
+/// A shadow view's depth.
+pub fn shadow_depth(masked: bool) -> Permutation {
+    Permutation::plain("shadow/depth.vs.wesl").flag("masked", masked)
+}
+
+/// The visibility buffer.
+pub fn visibility(indexed: bool, masked: bool) -> Permutation {
+    Permutation::plain("surface/visibility.vs.wesl").flag("indexed", indexed).flag("masked", masked)
+}
+
+/// Forward shading.
+pub fn forward(masked: bool, multisampled: bool) -> Permutation {
+    Permutation::plain("direct/forward.vs.wesl").flag("masked", masked).flag("multisampled", multisampled)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_permutation_links_and_validates() {
+        let library = library();
+        let errors: Vec<_> =
+            permutations().iter().filter_map(|p| library.link(p).err()).map(|e| e.to_string()).collect();
+        assert!(errors.is_empty(), "{}", errors.join("\n"));
+    }
+
+    #[test]
+    fn every_entry_file_has_a_permutation() {
+        let listed: Vec<_> = permutations().iter().map(|p| p.entry).collect();
+        let forgotten: Vec<_> = library().entries().filter(|entry| !listed.contains(entry)).collect();
+        assert!(forgotten.is_empty(), "{forgotten:?}");
+    }
+
+    #[test]
+    fn an_unknown_flag_is_an_error() {
+        assert!(library().link(&Permutation::plain("surface/resolve.cs.wesl")).is_err());
+    }
+}

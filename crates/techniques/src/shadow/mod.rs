@@ -1,0 +1,178 @@
+//! Shadow maps (Williams 1978): the scene's depth seen from each light, compared with the depth of what is shaded.
+//!
+//! A sun has one orthographic map around what the camera can see of the scene; a spot light one perspective map around
+//! its cone. Points are unshadowed so far. Every view keeps reversed depth (near 1, far 0) in its layer of one texture
+//! array; outside its map a view casts no shadow. Percentage-closer filtering and the receiver's bias, which follows
+//! from the texel's size on the receiver and the filter's reach, are in `lookup.wesl`.
+//!
+//! | input | output | format | space, unit |
+//! | --- | --- | --- | --- |
+//! | lights, scene bounds, camera | shadow views (group 0) | `ShadowView` | world metres |
+//! | scene geometry | maps | Depth32Float array, a layer a view | reversed light-clip z |
+//!
+//! Limits: a spot wider than 160° is lit but unshadowed beyond that; one map for a sun is coarse in large scenes.
+//! Cost: 4 bytes and one raster of the culled casters per map and frame.
+
+mod settings;
+mod views;
+
+pub use settings::{Filter, Layout, PcfKernel, ShadowSettings};
+pub use views::{CameraView, ShadowView, fit};
+
+use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
+use chiaro_gpu::{
+    Binding, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
+    RenderPipelineOptions, Targets, Texture, TextureOptions,
+};
+
+use crate::shaders;
+use crate::surface::SceneGpu;
+use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, draw_classes};
+use crate::surface::scene::CLASSES;
+
+/// What [`ShadowMaps::record`] writes.
+#[derive(Clone, Debug)]
+pub struct ShadowOutputs {
+    /// Depth32Float array, a layer per view.
+    pub maps: Texture,
+    /// Comparison sampler: passes where the receiver's reversed depth is at least the map's.
+    pub compare: wgpu::Sampler,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct DrawView {
+    clip_from_ws: [[f32; 4]; 4],
+    // Uniform bindings start at multiples of 256 bytes.
+    _pad: [[f32; 4]; 12],
+}
+
+const DRAW_VIEW_BYTES: u64 = 64;
+
+/// The shadow map passes.
+#[derive(Debug)]
+pub struct ShadowMaps {
+    culling: Culling,
+    pipelines: [RenderPipeline; CLASSES],
+    outputs: ShadowOutputs,
+    draw_views: Buffer,
+    capacity: usize,
+    cull_front: bool,
+}
+
+impl ShadowMaps {
+    /// Compiles the passes.
+    ///
+    /// # Errors
+    /// When a shader does not compile.
+    pub fn new(
+        gpu: &Gpu,
+        frame_layout: &GroupLayout,
+        scene_layout: &GroupLayout,
+        settings: &ShadowSettings,
+    ) -> Result<Self, GpuError> {
+        let library = shaders::library();
+        let shared = &[frame_layout, scene_layout];
+        let pipeline = |class: usize| {
+            let options = RenderPipelineOptions {
+                depth: Some((TextureFormat::Depth32Float, DEPTH_COMPARE)),
+                cull: settings.bias_cull_front.then_some(wgpu::Face::Front),
+                unclipped_depth: gpu.optional.depth_clip_control,
+                ..Default::default()
+            };
+            RenderPipeline::new(gpu, &library, &shaders::shadow_depth(class & 2 != 0), shared, &options)
+        };
+        let compare = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("shadow_compare"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            compare: Some(wgpu::CompareFunction::GreaterEqual),
+            ..Default::default()
+        });
+        Ok(Self {
+            culling: Culling::new(gpu, scene_layout)?,
+            pipelines: [pipeline(0)?, pipeline(1)?, pipeline(2)?, pipeline(3)?],
+            outputs: ShadowOutputs { maps: maps(gpu, 1, 1), compare },
+            draw_views: draw_views(gpu, 1),
+            capacity: 1,
+            cull_front: settings.bias_cull_front,
+        })
+    }
+
+    /// Whether these passes serve `settings` without being made again.
+    pub fn serves(&self, settings: &ShadowSettings) -> bool {
+        self.cull_front == settings.bias_cull_front
+    }
+
+    /// Makes room for so many views. Not inside a frame.
+    pub fn reserve(&mut self, gpu: &Gpu, scene: &SceneGpu, views: &[ShadowView]) {
+        self.culling.reserve(gpu, scene, views.len());
+        let resolution = views.first().map_or(1, |view| view.resolution);
+        let layers = views.len().max(1) as u32;
+        let options = self.outputs.maps.options();
+        if options.width != resolution || options.layers != Some(layers) {
+            self.outputs.maps = maps(gpu, resolution, layers);
+        }
+        if views.len() > self.capacity {
+            self.capacity = views.len();
+            self.draw_views = draw_views(gpu, self.capacity);
+        }
+    }
+
+    /// Renders every view's map.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        frame_group: &Group,
+        scene: &SceneGpu,
+        views: &[ShadowView],
+    ) -> ShadowOutputs {
+        let matrices: Vec<_> = views
+            .iter()
+            .map(|v| DrawView { clip_from_ws: v.clip_from_ws.to_cols_array_2d(), _pad: Zeroable::zeroed() })
+            .collect();
+        frame.upload(&self.draw_views, &matrices);
+        let keeps_near = frame.gpu().optional.depth_clip_control;
+        let batch = Culling::views_at_once(frame.gpu(), scene);
+        let names = ["shadow/cull_count", "shadow/cull_scan", "shadow/cull_expand"];
+        for (first, chunk) in (0..).step_by(batch).zip(views.chunks(batch)) {
+            let cull_views: Vec<_> =
+                chunk.iter().map(|v| CullView::new(&v.clip_from_ws, v.eye_ws, false, keeps_near)).collect();
+            let lists = self.culling.record(frame, names, scene, &cull_views);
+            for index in 0..chunk.len() {
+                let layer = (first + index) as u32;
+                let targets = Targets {
+                    color: &[],
+                    depth: Some(DepthAttachment { texture: &self.outputs.maps, layer, clear: Some(0.0) }),
+                };
+                let offset = u64::from(layer) * size_of::<DrawView>() as u64;
+                let binds = [("draw_view", Binding::BufferRange(&self.draw_views, offset, DRAW_VIEW_BYTES))];
+                frame.render("shadow/depth", targets, |pass| {
+                    let shared = &[frame_group, scene.group()];
+                    draw_classes(pass, &self.pipelines, shared, &binds, (&lists, index, true));
+                });
+            }
+        }
+        if views.is_empty() {
+            // Lighting binds the array whether or not a light looks into it.
+            let targets = Targets {
+                color: &[],
+                depth: Some(DepthAttachment { texture: &self.outputs.maps, layer: 0, clear: Some(0.0) }),
+            };
+            frame.render("shadow/none", targets, |_| {});
+        }
+        self.outputs.clone()
+    }
+}
+
+fn maps(gpu: &Gpu, resolution: u32, layers: u32) -> Texture {
+    let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
+    let options = TextureOptions::new(resolution, resolution, TextureFormat::Depth32Float, usage).array(layers);
+    Texture::new(gpu, "shadow_maps", Life::Frame, options)
+}
+
+fn draw_views(gpu: &Gpu, views: usize) -> Buffer {
+    let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+    Buffer::new(gpu, "draw_views", Life::Frame, (views * size_of::<DrawView>()) as u64, usage)
+}

@@ -1,0 +1,161 @@
+//! Group 0, the frame: Rust twins of `frame.wesl`, checked against naga by a test.
+
+use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::wgpu::{self, BindingType, BufferBindingType, ShaderStages};
+use chiaro_gpu::{Binding, Buffer, Gpu, Group, GroupLayout, Life, Texture};
+
+/// What is the same for every pass of a frame; see `frame.wesl` for meanings and units.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct FrameData {
+    pub clip_from_ws: [[f32; 4]; 4],
+    pub relative_from_clip: [[f32; 4]; 4],
+    pub previous_clip_from_ws: [[f32; 4]; 4],
+    pub eye_ws: [f32; 3],
+    pub orthographic: u32,
+    pub forward_ws: [f32; 3],
+    pub footprint_scale: f32,
+    pub size_px: [u32; 2],
+    pub directional_lights: u32,
+    pub local_lights: u32,
+    pub grid: [u32; 4],
+    pub grid_slices: [f32; 2],
+    pub lighting_model: u32,
+    pub seed: u32,
+    pub ambient: [f32; 3],
+    pub radiance_scale: f32,
+    pub sky: [f32; 3],
+    pub normal_maps: u32,
+}
+
+/// A light as shaders see it; see `frame.wesl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct LightData {
+    pub position_ws: [f32; 3],
+    pub kind: u32,
+    pub direction_ws: [f32; 3],
+    pub inverse_range_squared: f32,
+    pub intensity: [f32; 3],
+    pub first_view: u32,
+    pub cone_scale: f32,
+    pub cone_offset: f32,
+    pub view_count: u32,
+    pub cone_rad: f32,
+}
+
+impl LightData {
+    /// `kind` of a directional light.
+    pub const DIRECTIONAL: u32 = 0;
+    /// `kind` of a point light.
+    pub const POINT: u32 = 1;
+    /// `kind` of a spot light.
+    pub const SPOT: u32 = 2;
+    /// `first_view` of a light without shadow.
+    pub const NO_VIEW: u32 = u32::MAX;
+}
+
+/// A shadow map's view as shaders see it; see `frame.wesl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct ShadowViewData {
+    pub clip_from_ws: [[f32; 4]; 4],
+    pub rect: [f32; 4],
+    pub layer: u32,
+    pub perspective: u32,
+    pub texel_m: f32,
+    pub normal_offset: f32,
+    pub constant_bias: f32,
+    pub slope_bias: f32,
+    pub near_m: f32,
+    pub far_m: f32,
+    pub eye_ws: [f32; 3],
+    pub resolution: f32,
+}
+
+/// Group 0's buffers. Light and shadow view buffers grow, and never shrink.
+#[derive(Debug)]
+pub struct FrameGroup {
+    layout: GroupLayout,
+    /// [`FrameData`].
+    pub frame: Buffer,
+    /// [`LightData`], directional ones first.
+    pub lights: Buffer,
+    /// [`ShadowViewData`].
+    pub shadow_views: Buffer,
+    albedo_table: Texture,
+    capacity: [usize; 2],
+    group: Group,
+}
+
+impl FrameGroup {
+    /// The layout that pipelines are made against.
+    pub fn layout(gpu: &Gpu) -> GroupLayout {
+        let all = ShaderStages::VERTEX_FRAGMENT | ShaderStages::COMPUTE;
+        let shading = ShaderStages::FRAGMENT | ShaderStages::COMPUTE;
+        let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+        let storage = buffer(BufferBindingType::Storage { read_only: true });
+        let table = BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: false },
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        };
+        let entries = [
+            ("frame", all, buffer(BufferBindingType::Uniform)),
+            ("lights", shading, storage),
+            ("shadow_views", shading, storage),
+            ("albedo_table", shading, table),
+        ];
+        GroupLayout::new(gpu, 0, &entries)
+    }
+
+    /// Makes the group with room for a few lights.
+    pub fn new(gpu: &Gpu, layout: &GroupLayout, albedo_table: &Texture) -> Self {
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let frame = Buffer::new(gpu, "frame", Life::Kept, size_of::<FrameData>() as u64, usage);
+        let capacity = [16, 16];
+        let (lights, shadow_views) = buffers(gpu, capacity);
+        let group = fill(gpu, layout, &frame, &lights, &shadow_views, albedo_table);
+        Self { layout: layout.clone(), frame, lights, shadow_views, albedo_table: albedo_table.clone(), capacity, group }
+    }
+
+    /// Makes room for so many lights and shadow views. To be called when the scene or settings change.
+    pub fn reserve(&mut self, gpu: &Gpu, lights: usize, views: usize) {
+        if lights <= self.capacity[0] && views <= self.capacity[1] {
+            return;
+        }
+        self.capacity = [lights.max(self.capacity[0]).next_power_of_two(), views.max(self.capacity[1]).next_power_of_two()];
+        (self.lights, self.shadow_views) = buffers(gpu, self.capacity);
+        self.group =
+            fill(gpu, &self.layout, &self.frame, &self.lights, &self.shadow_views, &self.albedo_table);
+    }
+
+    /// The filled group.
+    pub fn group(&self) -> &Group {
+        &self.group
+    }
+}
+
+fn buffers(gpu: &Gpu, [lights, views]: [usize; 2]) -> (Buffer, Buffer) {
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+    let bytes = |count: usize, each: usize| (count * each) as u64;
+    (
+        Buffer::new(gpu, "lights", Life::Kept, bytes(lights, size_of::<LightData>()), usage),
+        Buffer::new(gpu, "shadow_views", Life::Kept, bytes(views, size_of::<ShadowViewData>()), usage),
+    )
+}
+
+fn fill(
+    gpu: &Gpu,
+    layout: &GroupLayout,
+    frame: &Buffer,
+    lights: &Buffer,
+    views: &Buffer,
+    table: &Texture,
+) -> Group {
+    let bindings: [Binding<'_>; 4] = [frame.into(), lights.into(), views.into(), table.into()];
+    layout.group(gpu, &bindings)
+}

@@ -1,0 +1,245 @@
+//! Cluster culling per view with compacted draw lists.
+//!
+//! | step | reads | writes |
+//! | --- | --- | --- |
+//! | count | items, view planes | triangles per (view, item), 0 = culled |
+//! | scan | those | offsets; draw arguments per (view, class) |
+//! | expand | offsets, cluster triangles | draw list: item << 8 \| vertex, 3 a triangle |
+//!
+//! A prefix sum instead of appending keeps the list's order, and with it the image, the same every time. One indirect
+//! draw per view and class serves everything: no multi-draw, no first-instance feature.
+
+use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::wgpu::{BufferUsages, CompareFunction};
+use chiaro_gpu::{
+    Buffer, ComputePipeline, Dispatch, Draw, Frame, Gpu, GpuError, GroupLayout, Life, RenderPass, RenderPipeline,
+};
+use glam::{Mat4, Vec3, Vec4, Vec4Swizzles};
+
+use super::scene::{CLASSES, SceneGpu};
+use crate::shaders;
+
+/// Views of one [`Culling::record`] at most.
+pub const MAX_VIEWS: usize = 64;
+
+/// Every view keeps reversed depth: 1 near, 0 far.
+pub const DEPTH_COMPARE: CompareFunction = CompareFunction::Greater;
+
+/// A view to cull for.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct CullView {
+    planes: [[f32; 4]; 6],
+    eye_ws: [f32; 4],
+    flags: [u32; 4],
+}
+
+impl CullView {
+    /// A view of reversed depth. With `keep_before_near`, casters between the light and the near plane stay.
+    ///
+    /// `eye_ws`: the eye with w = 1, or the direction of parallel rays with w = 0.
+    pub fn new(clip_from_ws: &Mat4, eye_ws: Vec4, drop_back_faces: bool, keep_before_near: bool) -> Self {
+        let [x, y, z, w] = [0, 1, 2, 3].map(|row| clip_from_ws.row(row));
+        // Gribb & Hartmann 2001: clip-space inequalities as planes. Reversed depth: near is z ≤ w, far is z ≥ 0.
+        let near = if keep_before_near { Vec4::W } else { w - z };
+        let planes = [w + x, w - x, w + y, w - y, z, near].map(|plane| {
+            let length = plane.xyz().length();
+            // An infinite far plane has no normal: nothing is beyond it.
+            if length > 1e-12 { (plane / length).to_array() } else { [0.0, 0.0, 0.0, 1.0] }
+        });
+        Self { planes, eye_ws: eye_ws.to_array(), flags: [u32::from(drop_back_faces), 0, 0, 0] }
+    }
+
+    /// Whether a sphere may be seen; twin of the shader's test.
+    pub fn sees(&self, center: Vec3, radius: f32) -> bool {
+        self.planes.iter().all(|&[x, y, z, w]| Vec3::new(x, y, z).dot(center) + w > -radius)
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct CullClasses {
+    first: [u32; 4],
+    item_count: u32,
+    list_base: u32,
+    list_stride: u32,
+    view_count: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct CullViews {
+    count: [u32; 4],
+    views: [CullView; MAX_VIEWS],
+}
+
+const ARGUMENT_BYTES: u64 = 20;
+const EXPAND_ROW: u32 = 32_768;
+
+/// The culling passes and their buffers for a number of views.
+#[derive(Debug)]
+pub struct Culling {
+    count: ComputePipeline,
+    scan: ComputePipeline,
+    expand: ComputePipeline,
+    buffers: Option<Buffers>,
+}
+
+#[derive(Debug)]
+struct Buffers {
+    views: Buffer,
+    classes: Buffer,
+    offsets: Buffer,
+    lists: DrawLists,
+    view_capacity: usize,
+    items: u32,
+    triangles: u32,
+}
+
+/// Draws of the culled views.
+#[derive(Clone, Debug)]
+pub struct DrawLists {
+    /// `item << 8 | vertex`, three a triangle.
+    pub list: Buffer,
+    /// `DrawIndexedIndirect` per (view, class).
+    pub arguments: Buffer,
+}
+
+impl DrawLists {
+    /// Draws one class of a view: indexed by the list, or with vertices that fetch the list themselves.
+    pub fn draw(&self, view: usize, class: usize, indexed: bool) -> Draw<'_> {
+        let offset = (view * CLASSES + class) as u64 * ARGUMENT_BYTES;
+        if indexed {
+            Draw::IndexedIndirect { indices: &self.list, arguments: &self.arguments, offset }
+        } else {
+            Draw::Indirect(&self.arguments, offset)
+        }
+    }
+}
+
+impl Culling {
+    /// Compiles the passes.
+    ///
+    /// # Errors
+    /// When a shader does not compile.
+    pub fn new(gpu: &Gpu, scene_layout: &GroupLayout) -> Result<Self, GpuError> {
+        let library = shaders::library();
+        let make = |entry| ComputePipeline::new(gpu, &library, &shaders::plain(entry), &[scene_layout], &[]);
+        Ok(Self {
+            count: make("surface/cull_count.cs.wesl")?,
+            scan: make("surface/cull_scan.cs.wesl")?,
+            expand: make("surface/cull_expand.cs.wesl")?,
+            buffers: None,
+        })
+    }
+
+    /// How many views of a scene fit one [`Culling::record`].
+    pub fn views_at_once(gpu: &Gpu, scene: &SceneGpu) -> usize {
+        let list = u64::from(scene.triangle_count.max(1)) * 12;
+        let fit = gpu.limits.max_storage_buffer_binding_size.min(LIST_BUDGET_BYTES) / list;
+        (fit as usize).clamp(1, MAX_VIEWS)
+    }
+
+    /// Makes room. To be called when the scene or the number of views changes, not inside a frame.
+    pub fn reserve(&mut self, gpu: &Gpu, scene: &SceneGpu, views: usize) {
+        let views = views.clamp(1, Self::views_at_once(gpu, scene));
+        let fits = |b: &Buffers| {
+            b.view_capacity >= views && b.items == scene.item_count && b.triangles == scene.triangle_count
+        };
+        if self.buffers.as_ref().is_some_and(fits) {
+            return;
+        }
+        let storage = BufferUsages::STORAGE;
+        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let list = 12 * u64::from(scene.triangle_count) * views as u64;
+        let arguments = (views * CLASSES) as u64 * ARGUMENT_BYTES;
+        let buffer = |name, size, usage| Buffer::new(gpu, name, Life::Frame, size, usage);
+        self.buffers = Some(Buffers {
+            views: Buffer::new(gpu, "cull_views", Life::Frame, size_of::<CullViews>() as u64, uniform),
+            classes: buffer("cull_classes", size_of::<CullClasses>() as u64, uniform),
+            offsets: buffer("cull_offsets", 4 * u64::from(scene.item_count) * views as u64, storage),
+            lists: DrawLists {
+                list: buffer("draw_list", list, storage | BufferUsages::INDEX),
+                arguments: buffer("draw_arguments", arguments, storage | BufferUsages::INDIRECT),
+            },
+            view_capacity: views,
+            items: scene.item_count,
+            triangles: scene.triangle_count,
+        });
+    }
+
+    /// Culls the scene for up to [`Culling::views_at_once`] views; `name` labels the passes.
+    ///
+    /// # Panics
+    /// When [`Culling::reserve`] made too little room: a mistake in the calling pass.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        names: [&'static str; 3],
+        scene: &SceneGpu,
+        views: &[CullView],
+    ) -> DrawLists {
+        let buffers = self.buffers.as_ref().filter(|b| b.view_capacity >= views.len());
+        let Some(buffers) = buffers else { panic!("{}: no room reserved for {} views", names[0], views.len()) };
+        let mut all = CullViews { count: [views.len() as u32, scene.item_count, 0, 0], views: [CullView::zeroed(); MAX_VIEWS] };
+        all.views[..views.len()].copy_from_slice(views);
+        frame.upload(&buffers.views, &[all]);
+        let classes = CullClasses {
+            first: scene.class_first,
+            item_count: scene.item_count,
+            list_base: 0,
+            list_stride: scene.triangle_count,
+            view_count: views.len() as u32,
+        };
+        frame.upload(&buffers.classes, &[classes]);
+        let (items, view_count) = (scene.item_count, views.len() as u32);
+        let group = &[scene.group()];
+        let lists = &buffers.lists;
+        frame.compute(
+            names[0],
+            &self.count,
+            group,
+            &[("cull_views", (&buffers.views).into()), ("offsets", (&buffers.offsets).into())],
+            Dispatch::Groups([items.div_ceil(64), view_count, 1]),
+        );
+        frame.compute(
+            names[1],
+            &self.scan,
+            group,
+            &[
+                ("classes", (&buffers.classes).into()),
+                ("offsets", (&buffers.offsets).into()),
+                ("draw_arguments", (&lists.arguments).into()),
+            ],
+            Dispatch::Groups([view_count, 1, 1]),
+        );
+        frame.compute(
+            names[2],
+            &self.expand,
+            group,
+            &[
+                ("classes", (&buffers.classes).into()),
+                ("offsets", (&buffers.offsets).into()),
+                ("draw_list", (&lists.list).into()),
+            ],
+            Dispatch::Groups([items.min(EXPAND_ROW), view_count, items.div_ceil(EXPAND_ROW)]),
+        );
+        lists.clone()
+    }
+}
+
+/// Draw lists of the views culled at once take at most this much.
+const LIST_BUDGET_BYTES: u64 = 128 << 20;
+
+/// Draws all classes of a view with pipelines by class.
+pub fn draw_classes(
+    pass: &mut RenderPass<'_, '_>,
+    pipelines: &[RenderPipeline; CLASSES],
+    shared: &[&chiaro_gpu::Group],
+    binds: &[chiaro_gpu::Bind<'_>],
+    (lists, view, indexed): (&DrawLists, usize, bool),
+) {
+    for (class, pipeline) in pipelines.iter().enumerate() {
+        pass.draw(pipeline, shared, binds, lists.draw(view, class, indexed));
+    }
+}

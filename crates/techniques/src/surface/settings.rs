@@ -1,0 +1,31 @@
+//! Settings of surfaces and anti-aliasing.
+
+use crate::{choice, settings};
+
+choice! {
+    /// Which reflection model lights surfaces.
+    pub enum Lighting {
+        /// Materials as they are written: GGX for metallic-roughness, Phong for OBJ's.
+        Pbr = "pbr",
+        /// Everything as Lambert plus a normalised Phong lobe of equal width.
+        Phong = "phong",
+        /// Everything as Lambert with its base colour.
+        Lambert = "lambert",
+    }
+}
+
+settings! {
+    /// Surfaces.
+    pub struct SurfaceSettings: "surface" {
+        /// Reflection model of all surfaces: pbr keeps materials as written, phong and lambert replace them.
+        lighting: Lighting = Lighting::Pbr, "", (), Uniform;
+        /// Samples per pixel of the forward pipeline. More smooths edges and costs memory and bandwidth;
+        /// WebGPU guarantees 1 and 4.
+        msaa: u32 = 4, "samples", 1..=8, Permutation;
+        /// Whether normal maps bend shading normals.
+        normal_maps: bool = true, "", (), Uniform;
+        /// Texels averaged along the longer side of a slanted footprint. More keeps slanted textures sharp and
+        /// costs texture bandwidth.
+        anisotropy: u32 = 16, "samples", 1..=16, Resources;
+    }
+}
