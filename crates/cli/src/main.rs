@@ -1,2 +1,51 @@
-//! The `chiaro` command line.
-fn main() {}
+//! The `chiaro` command line: renders, measures and explains scenes without a window.
+//!
+//! Exit status: 0 done, 1 the work failed, 2 wrong usage.
+
+mod args;
+mod bench;
+mod diff;
+mod info;
+mod output;
+mod render;
+mod session;
+mod timings;
+mod values;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use args::{Cli, Command};
+
+fn main() -> ExitCode {
+    // A panic is a defect of chiaro; the user gets one line that says so, not a backtrace.
+    std::panic::set_hook(Box::new(|panic| {
+        let message = panic.payload_as_str().unwrap_or("no message");
+        let place = panic.location().map(ToString::to_string).unwrap_or_default();
+        eprintln!(
+            "error: chiaro has a defect: {message} ({place}); please report it with the command you ran"
+        );
+    }));
+    let cli = Cli::parse();
+    match std::panic::catch_unwind(|| run(&cli.command)) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(error)) if output::is_closed_pipe(&error) => ExitCode::SUCCESS,
+        Ok(Err(error)) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+        Err(_) => ExitCode::FAILURE,
+    }
+}
+
+fn run(command: &Command) -> anyhow::Result<()> {
+    match command {
+        Command::Render(args) => render::run(args),
+        Command::Bench(args) => bench::run(args),
+        Command::Diff(args) => diff::run(args),
+        Command::Scenes(args) => info::scenes(args),
+        Command::Settings(args) => info::settings(args),
+        Command::Info(args) => info::run(args),
+    }
+}

@@ -129,6 +129,17 @@ fn module(gpu: &Gpu, linked: &Linked) -> wgpu::ShaderModule {
     })
 }
 
+fn linked_constants<'a>(linked: &'a Linked, constants: &[(&str, f64)]) -> Result<Vec<(&'a str, f64)>, GpuError> {
+    let find = |&(name, value): &(&str, f64)| {
+        let linked_name = linked.constant_name(name).ok_or_else(|| GpuError::Shader {
+            name: linked.label.clone(),
+            message: format!("there is no pipeline-overridable constant {name}"),
+        });
+        linked_name.map(|name| (name, value))
+    };
+    constants.iter().map(find).collect()
+}
+
 /// A compute pipeline made from one `.cs.wesl` file.
 #[derive(Clone, Debug)]
 pub struct ComputePipeline {
@@ -150,6 +161,7 @@ impl ComputePipeline {
     ) -> Result<Self, GpuError> {
         let linked = library.link(permutation)?;
         let (interface, layout) = Interface::new(gpu, &linked, shared)?;
+        let constants = &linked_constants(&linked, constants)?;
         let raw = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(&linked.label),
             layout: Some(&layout),
@@ -218,8 +230,8 @@ impl RenderPipeline {
         let linked = library.link(permutation)?;
         let (interface, layout) = Interface::new(gpu, &linked, shared)?;
         let module = module(gpu, &linked);
-        let compilation_options =
-            wgpu::PipelineCompilationOptions { constants: options.constants, ..Default::default() };
+        let constants = &linked_constants(&linked, options.constants)?;
+        let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
         let targets: Vec<_> = options.targets.iter().cloned().map(Some).collect();
         let fragment = linked.entry_point(naga::ShaderStage::Fragment);
         let raw = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {

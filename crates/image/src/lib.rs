@@ -1,1 +1,33 @@
 //! Linear images: EXR, HDR and PNG, colour, error metrics.
+//!
+//! An [`Image`] holds linear Rec. 709 colours in `f32`, usually scene radiance in nits; a [`Picture`] holds the 8-bit
+//! sRGB bytes that a screen shows. [`read`] takes EXR, Radiance HDR or PNG to an [`Image`]; [`write_exr`] and
+//! [`write_png`] go the other way. [`Comparison`] measures one image against another and draws where they differ.
+//!
+//! ```
+//! use chiaro_image::{Comparison, CompareOptions, Image};
+//!
+//! let reference = Image::filled(64, 48, [1.0, 0.5, 0.25]);
+//! let brighter = Image::filled(64, 48, [1.1, 0.55, 0.275]);
+//! let metrics = Comparison::new(&brighter, &reference, &CompareOptions::default())?.metrics();
+//! assert!((metrics.mean_ratio - 1.1).abs() < 1e-6);
+//! # Ok::<(), chiaro_image::ImageError>(())
+//! ```
+
+pub mod colour;
+mod compare;
+mod error;
+mod exr_file;
+mod file;
+mod filter;
+mod flip;
+mod heat;
+mod linear;
+mod picture;
+
+pub use compare::{CompareOptions, Comparison, Metrics};
+pub use error::ImageError;
+pub use exr_file::{Precision, write_exr};
+pub use file::read;
+pub use linear::{Image, MAX_PIXELS};
+pub use picture::{Picture, write_png};

@@ -16,6 +16,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("direct/shade.cs.wesl"),
     shader!("post/accumulate.cs.wesl"),
     shader!("post/aov.cs.wesl"),
+    shader!("post/bins.wesl"),
     shader!("post/exposure.cs.wesl"),
     shader!("post/histogram.cs.wesl"),
     shader!("post/tone_map.cs.wesl"),
@@ -28,6 +29,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shared/frame.wesl"),
     shader!("shared/oct.wesl"),
     shader!("shared/scene.wesl"),
+    shader!("surface/cull.wesl"),
     shader!("surface/cull_count.cs.wesl"),
     shader!("surface/cull_expand.cs.wesl"),
     shader!("surface/cull_scan.cs.wesl"),
@@ -119,6 +121,17 @@ mod tests {
         let listed: Vec<_> = permutations().iter().map(|p| p.entry).collect();
         let forgotten: Vec<_> = library().entries().filter(|entry| !listed.contains(entry)).collect();
         assert!(forgotten.is_empty(), "{forgotten:?}");
+    }
+
+    #[test]
+    fn no_two_bindings_of_a_shader_share_a_place() {
+        for permutation in permutations() {
+            let bindings = library().link(&permutation).unwrap().bindings().unwrap();
+            for pair in bindings.windows(2) {
+                let place = |b: &chiaro_gpu::shader::Reflected| (b.group, b.binding);
+                assert_ne!(place(&pair[0]), place(&pair[1]), "{}: {pair:?}", permutation.label());
+            }
+        }
     }
 
     #[test]

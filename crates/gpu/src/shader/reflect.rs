@@ -40,6 +40,12 @@ impl Linked {
         let label = permutation.label();
         let fail = |message: String| GpuError::Shader { name: label.clone(), message };
         let module = naga::front::wgsl::parse_str(&wgsl).map_err(|e| fail(e.emit_to_string(&wgsl)))?;
+        // Linking keeps every entry point of every module that it loads.
+        let mut stages: Vec<_> = module.entry_points.iter().map(|entry| entry.stage as u32).collect();
+        stages.sort_unstable();
+        if stages.windows(2).any(|pair| pair[0] == pair[1]) {
+            return Err(fail("two entry points of one stage: an entry file must not be imported".into()));
+        }
         let capabilities = Capabilities::default() | Capabilities::PRIMITIVE_INDEX;
         let info = Validator::new(ValidationFlags::all(), capabilities)
             .validate(&module)
@@ -66,6 +72,10 @@ impl Linked {
                 // A texture sampled through a comparison sampler is a depth texture, whose layout says no filter.
                 filtered |= info.sampling_set.iter().any(|key| key.image == handle);
             }
+            if visibility.is_empty() {
+                // An import may declare more than the entry points use.
+                continue;
+            }
             let ty = self.binding_type(global, filtered).ok_or_else(|| GpuError::Shader {
                 name: self.label.clone(),
                 message: format!("binding {name} has a type that no bind group layout is known for"),
@@ -84,6 +94,12 @@ impl Linked {
     /// The entry point of a stage.
     pub fn entry_point(&self, stage: naga::ShaderStage) -> Option<&str> {
         self.module.entry_points.iter().find(|e| e.stage == stage).map(|e| e.name.as_str())
+    }
+
+    /// The linked name of a pipeline-overridable constant, which imports rename.
+    pub fn constant_name(&self, name: &str) -> Option<&str> {
+        let names = self.module.overrides.iter().filter_map(|(_, constant)| constant.name.as_deref());
+        names.into_iter().find(|linked| unmangled(linked) == name)
     }
 
     /// Workgroup size of the compute entry point.

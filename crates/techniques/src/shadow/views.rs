@@ -112,7 +112,8 @@ fn corners((lo, hi): (Vec3, Vec3)) -> [Vec3; 8] {
 
 /// World axes → the light's, which looks along −Z.
 fn light_axes(direction: Vec3) -> Quat {
-    let (x, y) = direction.any_orthonormal_pair();
+    let x = direction.any_orthonormal_vector();
+    let y = (-direction).cross(x);
     Quat::from_mat3(&glam::Mat3::from_cols(x, y, -direction)).conjugate()
 }
 

@@ -1,0 +1,216 @@
+//! The flags of every subcommand, and their help.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::values::{
+    FrameRange, Setting, Size, View, blur_px, frames_per_second, image_output, picture_output, positive,
+    seconds,
+};
+
+/// Real-time shadows, indirect light and caustics, measured against path-traced truth
+#[derive(Debug, Parser)]
+#[command(
+    name = "chiaro",
+    version,
+    arg_required_else_help = true,
+    after_help = "Example:\n  chiaro render builtin:nave -o nave.png\n\n\
+                  `chiaro COMMAND --help` has an example for each command.\n\
+                  Exit status: 0 done, 1 the work failed, 2 wrong usage."
+)]
+pub struct Cli {
+    /// What to do
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What `chiaro` can do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render a scene to an image, or an animation to numbered images
+    #[command(after_help = "\
+Examples:
+  chiaro render builtin:nave --size 1280x720 --samples 16 -o nave.png
+  chiaro render room.glb --camera 1 --set shadow.filter=pcss -o room.exr --aov direct --aov normal
+  chiaro render fountain.glb --frames 0..240 --fps 24 -o frames/fountain.png")]
+    Render(RenderArgs),
+    /// Measure how long each pass of a frame takes on this machine
+    #[command(after_help = "\
+Examples:
+  chiaro bench builtin:nave --frames 200
+  chiaro bench --suite shadows --json shadows.json")]
+    Bench(BenchArgs),
+    /// Measure how far image A is from the reference image B
+    #[command(after_help = "\
+Examples:
+  chiaro diff render.exr reference.exr -o heat.png
+  chiaro diff full.exr ref.exr --minus-a direct.exr --minus-b ref.direct.exr --blur 2
+  chiaro diff caustic.exr reference.exr --mask glass.mask.exr --json
+
+mean ratio  sum A / sum B; 1 is the same energy
+nmae        mean |A-B| / mean B
+relmse      mean of (A-B)^2 / (B^2 + (0.05 mean B)^2), without the worst 0.1 % of the pixels
+flip        mean LDR-FLIP, B exposed so that its 99th percentile is 0.9; 0 looks the same
+
+The picture of -o has its own scale, from 1 % (black) to 1000 % (white); masked pixels are
+grey, pixels where A is not finite green.")]
+    Diff(DiffArgs),
+    /// List the built-in scenes
+    #[command(after_help = "Example:\n  chiaro scenes")]
+    Scenes(ListArgs),
+    /// List every setting with its unit, range, default and meaning
+    #[command(after_help = "Examples:\n  chiaro settings\n  chiaro settings --json")]
+    Settings(ListArgs),
+    /// Show the graphics adapter and which of its features chiaro uses
+    #[command(after_help = "Example:\n  chiaro info")]
+    Info(ListArgs),
+}
+
+/// What is seen, and from where.
+#[derive(Debug, Args)]
+pub struct SceneArgs {
+    /// A .glb, .gltf or .obj file, or builtin:NAME (see `chiaro scenes`)
+    #[arg(value_name = "SCENE")]
+    pub scene: Option<String>,
+    /// The image's width and height in pixels
+    #[arg(long, value_name = "WxH", default_value_t)]
+    pub size: Size,
+    /// A camera of the scene, by its number from 0 or by its name [default: the first]
+    #[arg(long, value_name = "INDEX|NAME", conflicts_with = "view")]
+    pub camera: Option<String>,
+    /// A camera of your own: its position and target in metres, and its vertical field of view in degrees
+    #[arg(long, value_name = "x,y,z,tx,ty,tz,yfov_deg", allow_hyphen_values = true)]
+    pub view: Option<View>,
+    /// A Radiance HDR or EXR picture of the surroundings (latitude-longitude), which lights the scene
+    #[arg(long, value_name = "FILE")]
+    pub environment: Option<PathBuf>,
+}
+
+/// How it is rendered.
+#[derive(Debug, Args)]
+pub struct SettingsArgs {
+    /// A preset to start from: its name, or a .ron file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub preset: Option<String>,
+    /// Change one setting (see `chiaro settings`); may be given many times, the last one counts
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<Setting>,
+    /// What all random choices start from; the same seed and settings give the same image
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u32,
+    /// How surfaces meet light [default: what the preset says]
+    #[arg(long)]
+    pub pipeline: Option<Pipeline>,
+}
+
+/// The two ways in which surfaces meet light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Pipeline {
+    /// Shade while drawing; multisampling smooths edges
+    Forward,
+    /// Store surfaces first, shade each pixel once; accumulated samples smooth edges
+    Deferred,
+}
+
+/// `chiaro render`
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// The scene
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The settings
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// The image to write: .png as seen on a screen, .exr as scene radiance in nits
+    #[arg(short, long, value_name = "FILE", default_value = "out.png", value_parser = image_output)]
+    pub output: PathBuf,
+    /// Frames to average, each with its own sub-pixel offset: edges become smooth, nothing else changes
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = positive)]
+    pub samples: u32,
+    /// Render the frames A, A+1, … B-1 of the animation to numbered images
+    #[arg(long, value_name = "A..B", conflicts_with = "time")]
+    pub frames: Option<FrameRange>,
+    /// Frames per second of the animation
+    #[arg(long, value_name = "F", default_value_t = 30.0, allow_negative_numbers = true, value_parser = frames_per_second, requires = "frames")]
+    pub fps: f64,
+    /// Render the animation's moment at this many seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
+    pub time: f64,
+    /// Also write a part of the frame (direct, indirect, normal, depth, …) to STEM.NAME.exr; may be given many times
+    #[arg(long = "aov", value_name = "NAME")]
+    pub aovs: Vec<String>,
+    /// Write how long each pass took on the GPU
+    #[arg(long, value_name = "FILE")]
+    pub timings: Option<PathBuf>,
+}
+
+/// `chiaro bench`
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// The scene
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The settings
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// Frames to measure, after the warm-up
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = positive)]
+    pub frames: u32,
+    /// Write the measurements, with the adapter and driver, to this file
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Measure a group of techniques side by side instead of one frame
+    #[arg(long)]
+    pub suite: Option<Suite>,
+}
+
+/// A group of techniques that `chiaro bench` holds side by side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Suite {
+    /// Shadow map layouts, representations and filters
+    Shadows,
+    /// Indirect light
+    Indirect,
+    /// Caustics
+    Caustics,
+    /// The path-traced reference
+    Reference,
+}
+
+/// `chiaro diff`
+#[derive(Debug, Args)]
+pub struct DiffArgs {
+    /// The image to judge (EXR, Radiance HDR or PNG)
+    #[arg(value_name = "A")]
+    pub a: PathBuf,
+    /// The reference to hold it against
+    #[arg(value_name = "B")]
+    pub b: PathBuf,
+    /// Leave out the pixels where this image is above 0
+    #[arg(long, value_name = "FILE")]
+    pub mask: Option<PathBuf>,
+    /// Subtract this image from A first, to compare one part of the light
+    #[arg(long, value_name = "FILE")]
+    pub minus_a: Option<PathBuf>,
+    /// Subtract this image from B first
+    #[arg(long, value_name = "FILE")]
+    pub minus_b: Option<PathBuf>,
+    /// Blur both images by a Gaussian of this standard deviation in pixels first; 0 is none
+    #[arg(long, value_name = "PX", default_value_t = 0.0, allow_negative_numbers = true, value_parser = blur_px)]
+    pub blur: f64,
+    /// Print one line of JSON instead of a table
+    #[arg(long)]
+    pub json: bool,
+    /// Write a picture of |A-B| relative to the mean of B in false colours
+    #[arg(short, long, value_name = "FILE", value_parser = picture_output)]
+    pub output: Option<PathBuf>,
+}
+
+/// `chiaro scenes`, `chiaro settings` and `chiaro info`
+#[derive(Debug, Args)]
+pub struct ListArgs {
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,93 @@
+//! `chiaro scenes`, `chiaro settings` and `chiaro info`: what there is to choose from.
+
+use std::fmt::Write;
+
+use chiaro::{Effect, Gpu, Settings, scene};
+use serde_json::json;
+
+use crate::args::ListArgs;
+use crate::output::{print, print_json};
+use crate::session::open_gpu;
+use crate::timings::Machine;
+
+pub fn scenes(args: &ListArgs) -> anyhow::Result<()> {
+    if args.json {
+        let rows: Vec<_> =
+            scene::builtin::SCENES.iter().map(|(name, about)| json!({ "name": name, "about": about })).collect();
+        return print_json(&rows);
+    }
+    let mut text = String::new();
+    for (name, about) in scene::builtin::SCENES {
+        let default = if *name == scene::builtin::DEFAULT { " (default)" } else { "" };
+        // Writing to a string does not fail, here and below.
+        let _ = writeln!(text, "builtin:{name:<12} {about}{default}");
+    }
+    print(&text)
+}
+
+pub fn settings(args: &ListArgs) -> anyhow::Result<()> {
+    let fields = Settings::fields();
+    let cost = |effect| match effect {
+        Effect::Uniform => "free to change",
+        Effect::Resources => "a change reallocates",
+        Effect::Permutation => "a change compiles a pipeline",
+    };
+    if args.json {
+        let rows: Vec<_> = fields
+            .iter()
+            .map(|f| {
+                json!({ "key": f.key, "unit": f.unit, "range": f.range, "default": f.default, "meaning": f.meaning, "cost": cost(f.effect) })
+            })
+            .collect();
+        return print_json(&rows);
+    }
+    let mut text = String::new();
+    for field in &fields {
+        let unit = if field.unit.is_empty() { String::new() } else { format!(" {}", field.unit) };
+        let _ = writeln!(text, "{} = {}{unit}   ({}; {})", field.key, field.default, field.range, cost(field.effect));
+        let _ = writeln!(text, "    {}", field.meaning);
+    }
+    let _ = writeln!(text, "\nPresets (--preset NAME, or a .ron file such as {{ \"shadow.resolution\": 4096 }}):");
+    for (name, about) in Settings::presets() {
+        let _ = writeln!(text, "    {name:<10} {about}");
+    }
+    print(&text)
+}
+
+pub fn run(args: &ListArgs) -> anyhow::Result<()> {
+    let gpu = open_gpu()?;
+    let machine = Machine::of(&gpu);
+    if args.json {
+        let features: Vec<_> = gpu
+            .feature_table()
+            .map(|(name, purpose, has)| json!({ "name": name, "purpose": purpose, "used": has }))
+            .collect();
+        return print_json(&json!({ "machine": machine, "features": features, "limits": limits(&gpu) }));
+    }
+    let mut text = format!(
+        "adapter  {} ({})\ndriver   {}\nbackend  {}\n\noptional features\n",
+        machine.adapter, machine.kind, machine.driver, machine.backend
+    );
+    for (name, purpose, has) in gpu.feature_table() {
+        let _ = writeln!(text, "  {} {name:<20} {purpose}", if has { "used   " } else { "missing" });
+    }
+    text += "\nlimits in use\n";
+    for (name, value) in limits(&gpu) {
+        let _ = writeln!(text, "  {name:<40} {value}");
+    }
+    text += "\nCHIARO_ADAPTER=NAME picks another adapter by a part of its name.\n";
+    print(&text)
+}
+
+fn limits(gpu: &Gpu) -> std::collections::BTreeMap<&'static str, u64> {
+    let l = &gpu.limits;
+    [
+        ("max_texture_dimension_2d", u64::from(l.max_texture_dimension_2d)),
+        ("max_texture_array_layers", u64::from(l.max_texture_array_layers)),
+        ("max_buffer_size", l.max_buffer_size),
+        ("max_storage_buffer_binding_size", l.max_storage_buffer_binding_size),
+        ("max_storage_buffers_per_shader_stage", u64::from(l.max_storage_buffers_per_shader_stage)),
+        ("max_compute_workgroup_storage_size", u64::from(l.max_compute_workgroup_storage_size)),
+    ]
+    .into()
+}

@@ -1,0 +1,25 @@
+//! Standard output: text for people, JSON for scripts.
+
+use std::io::{ErrorKind, Write, stdout};
+
+use serde::Serialize;
+
+/// Prints `text` as it is.
+///
+/// `print!` panics when the reader of a pipe has left (`chiaro settings | head`); this returns the error instead,
+/// which [`is_closed_pipe`] recognises.
+pub fn print(text: &str) -> anyhow::Result<()> {
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes())?;
+    Ok(out.flush()?)
+}
+
+/// Prints one line of JSON.
+pub fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
+    print(&(serde_json::to_string(value)? + "\n"))
+}
+
+/// Whether the error says only that nobody reads the output any more.
+pub fn is_closed_pipe(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<std::io::Error>().is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
+}

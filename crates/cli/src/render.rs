@@ -1,0 +1,127 @@
+//! `chiaro render`
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use chiaro::{Aov, Pixels, Recorder, Still, StillOptions};
+use chiaro_image::{Image, Picture, Precision, write_exr, write_png};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+
+use crate::args::RenderArgs;
+use crate::output::print;
+use crate::session::Session;
+use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
+
+#[derive(Serialize)]
+struct TimingsFile<'a> {
+    machine: &'a Machine,
+    scene: &'a str,
+    size: [u32; 2],
+    samples: u32,
+    timings: &'a Option<Summary>,
+}
+
+pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
+    let aovs = args.aovs.iter().map(|name| aov(name)).collect::<anyhow::Result<Vec<_>>>()?;
+    let mut session = Session::open(&args.scene, &args.settings)?;
+    let options = StillOptions { size: session.size, samples: args.samples, aovs };
+    let mut recorder = Recorder::new(&session.gpu, true);
+    let frames: Vec<_> = args.frames.as_ref().map_or(vec![None], |range| (range.start..range.end).map(Some).collect());
+    if args.frames.is_some() || args.time != 0.0 {
+        eprintln!("note: nothing in this scene moves yet; every moment looks the same");
+    }
+    let bar = progress(frames.len() as u64 * u64::from(args.samples));
+    for number in &frames {
+        let still = {
+            let Session { renderer, scene, view, .. } = &mut session;
+            renderer.still_in(&mut recorder, scene, view, &options, |_| bar.inc(1))?
+        };
+        let path = number.map_or(args.output.clone(), |number| numbered(&args.output, number));
+        write(&session, still, &path)?;
+        if number.is_none() || *number == frames[frames.len() - 1] {
+            bar.finish_and_clear();
+            print(&format!("{}\n", path.display()))?;
+        }
+    }
+    recorder.wait()?;
+    session.tell_notes();
+    report(args, &session, &mut recorder)
+}
+
+fn report(args: &RenderArgs, session: &Session, recorder: &mut Recorder) -> anyhow::Result<()> {
+    let machine = Machine::of(&session.gpu);
+    let timings = summarise(&recorder.take_timings());
+    match &timings {
+        Some(summary) => print(&table(&machine, summary))?,
+        None => eprintln!("note: {NO_TIMESTAMPS}"),
+    }
+    if let Some(path) = &args.timings {
+        let file = TimingsFile {
+            machine: &machine,
+            scene: &session.scene_name,
+            size: session.size,
+            samples: args.samples,
+            timings: &timings,
+        };
+        create_parent(path)?;
+        std::fs::write(path, serde_json::to_string_pretty(&file)? + "\n")
+            .with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    Ok(())
+}
+
+fn aov(name: &str) -> anyhow::Result<Aov> {
+    Aov::by_name(name).with_context(|| {
+        let names: Vec<_> = Aov::ALL.iter().map(|(_, name)| *name).collect();
+        format!("--aov {name}: there is none of that name; there are {}", names.join(", "))
+    })
+}
+
+fn progress(steps: u64) -> ProgressBar {
+    // Hidden by itself where there is no terminal, and for work that is done before anyone could read it.
+    let bar = ProgressBar::new(steps);
+    if let Ok(style) = ProgressStyle::with_template("rendering {bar:40} {pos}/{len} samples, {eta} left") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// `frames/a.png` → `frames/a.0007.png`
+fn numbered(path: &Path, number: u32) -> PathBuf {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    path.with_extension(format!("{number:04}.{extension}"))
+}
+
+fn create_parent(path: &Path) -> anyhow::Result<()> {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    parent.map_or(Ok(()), |parent| {
+        std::fs::create_dir_all(parent).with_context(|| format!("cannot create the folder {}", parent.display()))
+    })
+}
+
+fn write(session: &Session, still: Still, path: &Path) -> anyhow::Result<()> {
+    create_parent(path)?;
+    let gpu = &session.gpu;
+    let samples = still.samples;
+    let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
+    if is_exr {
+        write_exr(path, &mean(&still.radiance.wait(gpu)?, samples)?, Precision::Float)?;
+    } else {
+        let picture = still.picture.wait(gpu)?;
+        let rgb = picture.bytes.chunks_exact(4).flat_map(|rgba| [rgba[0], rgba[1], rgba[2]]).collect();
+        write_png(path, &Picture::from_bytes(picture.width, picture.height, rgb)?)?;
+    }
+    for (aov, readback) in still.aovs {
+        let name = Aov::ALL.iter().find(|(known, _)| *known == aov).map_or("aov", |(_, name)| name);
+        let image = mean(&readback.wait(gpu)?, samples)?;
+        write_exr(path.with_extension(format!("{name}.exr")), &image, Precision::Float)?;
+    }
+    Ok(())
+}
+
+fn mean(sum: &Pixels, samples: u32) -> anyhow::Result<Image> {
+    let share = 1.0 / samples.max(1) as f32;
+    let pixels = sum.floats().chunks_exact(4).map(|rgba| [rgba[0] * share, rgba[1] * share, rgba[2] * share]).collect();
+    Ok(Image::from_pixels(sum.width, sum.height, pixels)?)
+}

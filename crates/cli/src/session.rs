@@ -1,0 +1,102 @@
+//! What `render` and `bench` share: a device, settings, a scene and a camera, from the same flags.
+
+use anyhow::{Context, bail};
+use chiaro::scene::Scene;
+use chiaro::{Gpu, GpuOptions, LoadedScene, Pipeline, Renderer, Settings, View, scene};
+
+use crate::args::{self, SceneArgs, SettingsArgs};
+
+/// Everything that a frame needs.
+pub struct Session {
+    pub gpu: Gpu,
+    pub renderer: Renderer,
+    pub scene: LoadedScene,
+    pub scene_name: String,
+    pub view: View,
+    pub size: [u32; 2],
+}
+
+/// Near plane of `--view` cameras.
+const NEAR_M: f32 = 0.05;
+
+impl Session {
+    /// Opens the device, reads the scene, compiles the passes. Remarks for the user go to standard error.
+    pub fn open(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
+        if let Some(path) = &scene_args.environment {
+            bail!("--environment {}: environment maps are not supported yet; leave the flag out", path.display());
+        }
+        let settings = settings(settings_args)?;
+        let name = scene_args.scene.clone().unwrap_or_else(|| format!("builtin:{}", scene::builtin::DEFAULT));
+        let mut scene = scene::load(&name)?;
+        for warning in &scene.warnings {
+            eprintln!("warning: {warning}");
+        }
+        scene.add_default_view();
+        let view = view(&scene, scene_args)?;
+        let gpu = open_gpu()?;
+        let size = [scene_args.size.width, scene_args.size.height];
+        let limit = gpu.limits.max_texture_dimension_2d;
+        if size.iter().any(|&side| side > limit) {
+            bail!("--size {}x{}: {} renders up to {limit}x{limit}", size[0], size[1], gpu.info.name);
+        }
+        let renderer = Renderer::new(&gpu, settings)?;
+        let loaded = renderer.load(&scene)?;
+        Ok(Self { gpu, renderer, scene: loaded, scene_name: name, view, size })
+    }
+
+    /// Tells what the renderer gave up, once.
+    pub fn tell_notes(&self) {
+        for note in self.renderer.notes() {
+            eprintln!("warning: {note}");
+        }
+    }
+}
+
+/// Opens the best device, and says when it is a slow one.
+pub fn open_gpu() -> anyhow::Result<Gpu> {
+    let gpu = pollster::block_on(Gpu::new(GpuOptions::default()))?;
+    if gpu.is_software() {
+        eprintln!("note: {} runs on the CPU; a graphics card would be much faster", gpu.info.name);
+    }
+    Ok(gpu)
+}
+
+fn settings(args: &SettingsArgs) -> anyhow::Result<Settings> {
+    let mut settings = Settings::default();
+    if let Some(preset) = &args.preset {
+        let is_file = std::path::Path::new(preset).extension().is_some_and(|e| e.eq_ignore_ascii_case("ron"));
+        let text = is_file
+            .then(|| std::fs::read_to_string(preset).with_context(|| format!("cannot read preset {preset}")))
+            .transpose()?;
+        settings.apply_preset(preset, text.as_deref())?;
+    }
+    for change in &args.set {
+        settings.set(&change.key, &change.value)?;
+    }
+    if let Some(pipeline) = args.pipeline {
+        settings.pipeline = match pipeline {
+            args::Pipeline::Forward => Pipeline::Forward,
+            args::Pipeline::Deferred => Pipeline::Deferred,
+        };
+    }
+    Ok(settings)
+}
+
+fn view(scene: &Scene, args: &SceneArgs) -> anyhow::Result<View> {
+    if let Some(view) = &args.view {
+        return Ok(View::look_at(view.eye_ws_m.into(), view.target_ws_m.into(), view.yfov_rad, NEAR_M));
+    }
+    let placed = scene.placed_cameras();
+    let names: Vec<_> = placed.iter().map(|(camera, _)| scene.cameras[*camera].name.as_str()).collect();
+    let index = match &args.camera {
+        None => 0,
+        Some(wanted) => match names.iter().position(|name| name == wanted) {
+            Some(index) => index,
+            None => wanted.parse::<usize>().ok().filter(|&index| index < placed.len()).with_context(|| {
+                let list: Vec<_> = names.iter().enumerate().map(|(i, name)| format!("{i} “{name}”")).collect();
+                format!("--camera {wanted}: the scene has these cameras: {}", list.join(", "))
+            })?,
+        },
+    };
+    View::from_scene(scene, index).context("the scene has no camera")
+}

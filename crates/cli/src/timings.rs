@@ -1,0 +1,139 @@
+//! Pass timings as a table and as JSON.
+
+use std::fmt::Write;
+
+use chiaro::{FrameTimings, Gpu};
+use serde::Serialize;
+
+/// Median and spread of a time over frames.
+#[derive(Debug, Clone, Serialize)]
+pub struct Spread {
+    /// Milliseconds.
+    pub median_ms: f64,
+    /// Interquartile range, milliseconds.
+    pub iqr_ms: f64,
+}
+
+/// One pass over all frames; recorded several times a frame, its times are added.
+#[derive(Debug, Clone, Serialize)]
+pub struct PassSpread {
+    pub name: String,
+    /// Times recorded in a frame.
+    pub count: usize,
+    #[serde(flatten)]
+    pub time: Spread,
+}
+
+/// GPU times of a run.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary {
+    pub frames: usize,
+    pub passes: Vec<PassSpread>,
+    /// From the first pass' begin to the last one's end.
+    pub frame_span: Spread,
+    /// Sum of the passes; passes may overlap, so it may exceed the span.
+    pub pass_sum: Spread,
+}
+
+/// Who measured.
+#[derive(Debug, Clone, Serialize)]
+pub struct Machine {
+    pub adapter: String,
+    pub driver: String,
+    pub backend: String,
+    pub kind: String,
+}
+
+impl Machine {
+    pub fn of(gpu: &Gpu) -> Self {
+        Self {
+            adapter: gpu.info.name.clone(),
+            driver: format!("{} {}", gpu.info.driver, gpu.info.driver_info),
+            backend: format!("{:?}", gpu.info.backend),
+            kind: format!("{:?}", gpu.info.device_type),
+        }
+    }
+}
+
+fn spread(mut times: Vec<f64>) -> Spread {
+    times.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let place = share * (times.len().max(1) - 1) as f64;
+        let (low, high) = (place.floor() as usize, place.ceil() as usize);
+        times.get(low).zip(times.get(high)).map_or(0.0, |(a, b)| a + (b - a) * place.fract())
+    };
+    Spread { median_ms: at(0.5), iqr_ms: at(0.75) - at(0.25) }
+}
+
+/// Medians over frames, passes in recording order; `None` without timings.
+pub fn summarise(frames: &[FrameTimings]) -> Option<Summary> {
+    let mut names: Vec<&str> = Vec::new();
+    for pass in frames.iter().flat_map(|frame| &frame.passes) {
+        if !names.contains(&pass.name.as_str()) {
+            names.push(&pass.name);
+        }
+    }
+    if names.is_empty() {
+        return None;
+    }
+    let passes = names
+        .into_iter()
+        .map(|name| {
+            let of = |frame: &FrameTimings| {
+                frame.passes.iter().filter(|pass| pass.name == name).map(|pass| pass.ms).collect::<Vec<_>>()
+            };
+            let per_frame: Vec<_> = frames.iter().map(of).filter(|times| !times.is_empty()).collect();
+            let count = per_frame.last().map_or(0, Vec::len);
+            let time = spread(per_frame.iter().map(|times| times.iter().sum()).collect());
+            PassSpread { name: name.to_owned(), count, time }
+        })
+        .collect();
+    let sums = frames.iter().map(|frame| frame.passes.iter().map(|pass| pass.ms).sum()).collect();
+    Some(Summary {
+        frames: frames.len(),
+        passes,
+        frame_span: spread(frames.iter().map(|frame| frame.span_ms).collect()),
+        pass_sum: spread(sums),
+    })
+}
+
+/// The table for people.
+pub fn table(machine: &Machine, summary: &Summary) -> String {
+    let mut text = format!("GPU time on {}, {} frames\n", machine.adapter, summary.frames);
+    let mut row = |name: &str, time: &Spread| {
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "  {name:<28}{:>10.3} ms   ± {:.3}", time.median_ms, time.iqr_ms);
+    };
+    for pass in &summary.passes {
+        let name = if pass.count > 1 { format!("{} ×{}", pass.name, pass.count) } else { pass.name.clone() };
+        row(&name, &pass.time);
+    }
+    row("sum of passes", &summary.pass_sum);
+    row("frame, first to last", &summary.frame_span);
+    text + "  (median and interquartile range; passes may overlap)\n"
+}
+
+/// What the device says when it has no timestamps.
+pub const NO_TIMESTAMPS: &str = "this adapter has no timestamp queries, so there are no GPU timings";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chiaro::PassTiming;
+
+    #[test]
+    fn passes_of_one_name_are_added_within_a_frame_and_medians_taken_over_frames() {
+        let frame = |a: f64, b: f64| FrameTimings {
+            passes: vec![
+                PassTiming { name: "shadow/depth".into(), ms: a },
+                PassTiming { name: "shadow/depth".into(), ms: b },
+            ],
+            span_ms: a + b,
+        };
+        let summary = summarise(&[frame(1.0, 2.0), frame(2.0, 2.0), frame(1.0, 100.0)]).unwrap();
+        assert_eq!(summary.passes.len(), 1);
+        assert_eq!(summary.passes[0].count, 2);
+        assert_eq!(summary.passes[0].time.median_ms, 4.0);
+        assert!(summarise(&[]).is_none());
+    }
+}

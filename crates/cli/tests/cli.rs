@@ -1,0 +1,105 @@
+//! The program as scripts see it: exit status, output and errors.
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+use chiaro_image::{Image, Precision, read, write_exr};
+
+fn chiaro(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_chiaro")).args(arguments).output().unwrap()
+}
+
+fn image(name: &str, width: u32, height: u32, value: f32) -> String {
+    let path = scratch(name);
+    write_exr(&path, &Image::filled(width, height, [value; 3]), Precision::Float).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+fn scratch(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("cli").join(name)
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).unwrap()
+}
+
+#[track_caller]
+fn assert_fails(output: &Output, status: i32, words: &[&str]) {
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(status), "{error}");
+    for word in words {
+        assert!(error.contains(word), "`{word}` is not in: {error}");
+    }
+    assert!(error.lines().count() <= 24, "longer than a screen: {error}");
+    assert!(!error.contains("panicked") && !error.contains("backtrace"), "{error}");
+}
+
+#[test]
+fn every_help_page_has_an_example() {
+    for page in [&[][..], &["render"], &["bench"], &["diff"], &["scenes"], &["settings"], &["info"]] {
+        let output = chiaro(&[page, &["--help"]].concat());
+        assert!(output.status.success());
+        assert!(text(&output.stdout).contains("\n  chiaro "), "no example in {page:?}");
+    }
+}
+
+#[test]
+fn diff_prints_the_metrics_as_json() {
+    let (a, b) = (image("json_a.exr", 8, 6, 1.5), image("json_b.exr", 8, 6, 1.0));
+    let output = chiaro(&["diff", &a, &b, "--json"]);
+    assert!(output.status.success());
+    let metrics: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(metrics["mean_ratio"], 1.5);
+    assert_eq!(metrics["nmae"], 0.5);
+    assert_eq!(metrics["pixels"], 48);
+    assert_eq!(metrics["not_finite"], 0);
+    assert!((metrics["relmse"].as_f64().unwrap() - 0.25 / 1.0025).abs() < 1e-9);
+    assert!(metrics["flip"].as_f64().unwrap() > 0.0);
+    assert_eq!(metrics.as_object().unwrap().len(), 6);
+}
+
+#[test]
+fn diff_draws_the_error_and_prints_a_table() {
+    let (a, b) = (image("heat_a.exr", 200, 6, 11.0), image("heat_b.exr", 200, 6, 1.0));
+    let heat = scratch("new folder/heat.png");
+    let output = chiaro(&["diff", &a, &b, "-o", heat.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("mean ratio  11.000000"), "{}", text(&output.stdout));
+    // 1000 % off is the bright end of the scale.
+    assert_eq!(read(heat).unwrap().pixel(3, 3), [1.0; 3]);
+}
+
+#[test]
+fn diff_subtracts_and_masks() {
+    let (a, b) = (image("sub_a.exr", 8, 6, 3.0), image("sub_b.exr", 8, 6, 2.0));
+    let (less_a, less_b) = (image("sub_less_a.exr", 8, 6, 2.5), image("sub_less_b.exr", 8, 6, 1.5));
+    let open = image("sub_mask.exr", 8, 6, 0.0);
+    let flags = ["--minus-a", &less_a, "--minus-b", &less_b, "--mask", &open, "--blur", "1", "--json"];
+    let output = chiaro(&[&["diff", &a, &b], &flags[..]].concat());
+    let metrics: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!((metrics["mean_ratio"].as_f64().unwrap() - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn work_that_fails_exits_with_1_and_says_what_where_and_what_to_do() {
+    let (a, b) = (image("size_a.exr", 8, 6, 1.0), image("size_b.exr", 6, 8, 1.0));
+    assert_fails(&chiaro(&["diff", &a, &b]), 1, &["8×6", "6×8", "same size"]);
+    assert_fails(&chiaro(&["diff", &a, "missing.exr"]), 1, &["cannot read missing.exr"]);
+    let text_file = scratch("text.exr");
+    std::fs::write(&text_file, "not an image").unwrap();
+    assert_fails(&chiaro(&["diff", &a, text_file.to_str().unwrap()]), 1, &["text.exr", "EXR", "convert it"]);
+}
+
+#[test]
+fn wrong_usage_exits_with_2_and_says_what_is_right() {
+    assert_fails(&chiaro(&[]), 2, &["Usage"]);
+    assert_fails(&chiaro(&["paint"]), 2, &["paint"]);
+    assert_fails(&chiaro(&["diff", "a.exr"]), 2, &["<B>"]);
+    assert_fails(&chiaro(&["diff", "a.exr", "b.exr", "-o", "heat.jpg"]), 2, &[".png"]);
+    assert_fails(&chiaro(&["diff", "a.exr", "b.exr", "--blur", "-2"]), 2, &["blur"]);
+    assert_fails(&chiaro(&["render", "--size", "big"]), 2, &["1280x720"]);
+    assert_fails(&chiaro(&["render", "--view", "-1,2,3"]), 2, &["7 are needed"]);
+    assert_fails(&chiaro(&["render", "--frames", "9..3"]), 2, &["no frame"]);
+    assert_fails(&chiaro(&["render", "--set", "shadow.filter"]), 2, &["KEY=VALUE"]);
+    assert_fails(&chiaro(&["render", "--frames", "0..2", "--time", "1"]), 2, &["--time"]);
+}

@@ -1,0 +1,236 @@
+//! How far one linear image is from another.
+
+use serde::Serialize;
+
+use crate::filter::{Plane, convolve, gaussian};
+use crate::{Image, ImageError, Picture, flip, heat};
+
+/// What to measure: parts of the light, parts of the image, at which scale.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct CompareOptions<'a> {
+    /// Pixels where any channel of this image is above 0 are left out.
+    pub mask: Option<&'a Image>,
+    /// Subtracted from A first, to isolate one part of the light (`full − direct`, say).
+    pub minus_a: Option<&'a Image>,
+    /// Subtracted from B first.
+    pub minus_b: Option<&'a Image>,
+    /// Standard deviation in pixels of a Gaussian applied to both images, so that noise or sub-pixel detail does not
+    /// count; 0 is none. Masked pixels take no part in it.
+    pub blur_px: f64,
+}
+
+/// The distance of image A from the reference B, over all channels of the pixels that are not masked.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Metrics {
+    /// Energy: ΣA / ΣB. 1 is equal.
+    pub mean_ratio: f64,
+    /// Normalised mean absolute error: mean |A−B| / mean B.
+    pub nmae: f64,
+    /// Relative mean square error: mean of (A−B)² / (B² + (0.05 · mean B)²), without the worst 0.1 % of the pixels.
+    pub relmse: f64,
+    /// Pixels that were compared.
+    pub pixels: usize,
+    /// Channel values of A that were NaN or infinite, in the whole image; they are taken as 0.
+    pub not_finite: usize,
+    /// Mean LDR-FLIP, 0 (same) to 1, with both images exposed so that B's 99th percentile becomes 0.9.
+    pub flip: f64,
+}
+
+/// Two images made ready to be compared.
+#[derive(Debug, Clone)]
+pub struct Comparison {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) a: [Plane; 3],
+    pub(crate) b: [Plane; 3],
+    /// Pixels that take part.
+    pub(crate) keep: Vec<bool>,
+    /// Pixels where A had a value that is not finite.
+    pub(crate) bad: Vec<bool>,
+    /// Mean of B over the kept pixels and channels: the yardstick of the relative errors. Not 0.
+    pub(crate) reference_mean: f64,
+    not_finite: usize,
+}
+
+impl Comparison {
+    /// Subtracts, masks and blurs as `options` say. `b` is the reference.
+    ///
+    /// # Errors
+    /// [`ImageError::SizesDiffer`]; [`ImageError::NotFinite`] when B or what is subtracted has NaN or infinity
+    /// outside the mask (in A they are counted instead); [`ImageError::NoReference`] when the mask leaves nothing or
+    /// B is black.
+    pub fn new(a: &Image, b: &Image, options: &CompareOptions<'_>) -> Result<Self, ImageError> {
+        let others = [
+            ("A", Some(a)),
+            ("the mask", options.mask),
+            ("minus-a", options.minus_a),
+            ("minus-b", options.minus_b),
+        ];
+        for (what, image) in others {
+            if let Some(image) = image
+                && image.size() != b.size()
+            {
+                return Err(ImageError::SizesDiffer { what, size: image.size(), reference: b.size() });
+            }
+        }
+        let keep: Vec<bool> = match options.mask {
+            // NaN in a mask masks: what cannot be told to be outside is not measured.
+            Some(mask) => mask.pixels().iter().map(|pixel| pixel.iter().all(|value| *value <= 0.0)).collect(),
+            None => vec![true; b.pixels().len()],
+        };
+        let trusted = [("B", Some(b)), ("minus-a", options.minus_a), ("minus-b", options.minus_b)];
+        for (what, image) in trusted {
+            image.map_or(Ok(()), |image| require_finite(what, image, &keep))?;
+        }
+
+        let width = b.width() as usize;
+        let bad: Vec<bool> =
+            a.pixels().iter().map(|pixel| pixel.iter().any(|value| !value.is_finite())).collect();
+        let not_finite = a.pixels().iter().flatten().filter(|value| !value.is_finite()).count();
+        let mut a = difference(a, options.minus_a);
+        let mut b_planes = difference(b, options.minus_b);
+        if options.blur_px > 0.0 {
+            [a, b_planes] = blurred([a, b_planes], &keep, width, options.blur_px);
+        }
+
+        let pixels = keep.iter().filter(|keep| **keep).count();
+        if pixels == 0 {
+            return Err(ImageError::NoReference {
+                problem: "no pixel is left".to_owned(),
+                advice: "the mask must be 0 where the images are to be compared".to_owned(),
+            });
+        }
+        let reference_mean = kept(&b_planes, &keep).sum::<f64>() / (3 * pixels) as f64;
+        if reference_mean == 0.0 {
+            return Err(ImageError::NoReference {
+                problem: "the reference (B) is black where it is compared".to_owned(),
+                advice: "check which images are compared, and what is subtracted or masked".to_owned(),
+            });
+        }
+        let height = b.height() as usize;
+        Ok(Self { width, height, a, b: b_planes, keep, bad, reference_mean, not_finite })
+    }
+
+    /// The figures.
+    pub fn metrics(&self) -> Metrics {
+        let floor = (0.05 * self.reference_mean).powi(2);
+        let mut absolute = 0.0;
+        let mut relative_squares: Vec<f64> = Vec::new();
+        for index in (0..self.keep.len()).filter(|index| self.keep[*index]) {
+            let mut square = 0.0;
+            for (a, b) in self.a.iter().zip(&self.b) {
+                let (difference, b) = (a[index] - b[index], b[index]);
+                absolute += difference.abs();
+                square += difference * difference / (b * b + floor);
+            }
+            relative_squares.push(square / 3.0);
+        }
+        let pixels = relative_squares.len();
+        relative_squares.sort_unstable_by(f64::total_cmp);
+        let trusted = ((pixels as f64 * 0.999) as usize).max(1);
+        Metrics {
+            mean_ratio: kept(&self.a, &self.keep).sum::<f64>() / kept(&self.b, &self.keep).sum::<f64>(),
+            nmae: absolute / (3 * pixels) as f64 / self.reference_mean,
+            relmse: relative_squares[..trusted].iter().sum::<f64>() / trusted as f64,
+            pixels,
+            not_finite: self.not_finite,
+            flip: self.mean_flip(),
+        }
+    }
+
+    /// |A−B| relative to the mean of B, in false colours over a labelled scale that is the same for all comparisons:
+    /// logarithmic from 1 % (black) to 1000 % (white). Masked pixels are grey, pixels where A is not finite green.
+    pub fn heat_map(&self) -> Picture {
+        heat::draw(self)
+    }
+
+    fn mean_flip(&self) -> f64 {
+        let exposure = 0.9 / percentile(kept(&self.b, &self.keep).collect(), 0.99).max(1e-12);
+        let shown = |planes: &[Plane; 3]| {
+            planes
+                .each_ref()
+                .map(|plane| plane.iter().map(|value| (value * exposure).clamp(0.0, 1.0)).collect())
+        };
+        let map = flip::flip(&shown(&self.b), &shown(&self.a), self.width);
+        let sum: f64 = map.iter().zip(&self.keep).filter(|(_, keep)| **keep).map(|(value, _)| value).sum();
+        sum / self.keep.iter().filter(|keep| **keep).count() as f64
+    }
+}
+
+/// All channel values of the kept pixels.
+fn kept<'a>(planes: &'a [Plane; 3], keep: &'a [bool]) -> impl Iterator<Item = f64> + 'a {
+    planes
+        .iter()
+        .flat_map(move |plane| plane.iter().zip(keep).filter(|(_, keep)| **keep).map(|(value, _)| *value))
+}
+
+fn require_finite(what: &'static str, image: &Image, keep: &[bool]) -> Result<(), ImageError> {
+    let mut count = 0;
+    let mut first = None;
+    for (index, (pixel, _)) in image.pixels().iter().zip(keep).enumerate().filter(|(_, (_, keep))| **keep) {
+        let here = pixel.iter().filter(|value| !value.is_finite()).count();
+        if here > 0 {
+            count += here;
+            first.get_or_insert((index as u32 % image.width(), index as u32 / image.width()));
+        }
+    }
+    first.map_or(Ok(()), |first| Err(ImageError::NotFinite { what, count, first }))
+}
+
+/// The planes of `image − minus`; values that are not finite count as 0.
+fn difference(image: &Image, minus: Option<&Image>) -> [Plane; 3] {
+    let finite = |value: f32| if value.is_finite() { value as f64 } else { 0.0 };
+    [0, 1, 2].map(|channel| {
+        let whole = image.pixels().iter().map(|pixel| finite(pixel[channel]));
+        match minus {
+            Some(minus) => {
+                whole.zip(minus.pixels()).map(|(value, part)| value - finite(part[channel])).collect()
+            }
+            None => whole.collect(),
+        }
+    })
+}
+
+/// Blurs the kept pixels of all images with weights that sum to 1 over the kept pixels.
+fn blurred(images: [[Plane; 3]; 2], keep: &[bool], width: usize, sigma_px: f64) -> [[Plane; 3]; 2] {
+    /// Far inside the mask no kept pixel is in reach; any value will do there, for it is not measured.
+    const LEAST_WEIGHT: f64 = 1e-6;
+    let kernel = gaussian(sigma_px, (3.0 * sigma_px).ceil() as usize);
+    let weights: Plane = keep.iter().map(|keep| f64::from(u8::from(*keep))).collect();
+    let reach = convolve(&weights, width, &kernel, &kernel);
+    images.map(|planes| {
+        planes.map(|mut plane| {
+            for (value, weight) in plane.iter_mut().zip(&weights) {
+                *value *= weight;
+            }
+            let mut plane = convolve(&plane, width, &kernel, &kernel);
+            for (value, reach) in plane.iter_mut().zip(&reach) {
+                *value /= reach.max(LEAST_WEIGHT);
+            }
+            plane
+        })
+    })
+}
+
+/// The value below which a share `rank` of `values` lies, interpolated linearly between neighbours. `values` has at
+/// least one element.
+fn percentile(mut values: Vec<f64>, rank: f64) -> f64 {
+    let position = rank * (values.len() - 1) as f64;
+    let below = position.floor() as usize;
+    let (_, &mut low, rest) = values.select_nth_unstable_by(below, f64::total_cmp);
+    let high = rest.iter().copied().min_by(f64::total_cmp).unwrap_or(low);
+    low + (high - low) * (position - below as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_percentile_interpolates_between_neighbours() {
+        assert!((percentile(vec![4.0, 1.0, 3.0, 2.0], 0.5) - 2.5).abs() < 1e-12);
+        assert!((percentile((0..=100).rev().map(f64::from).collect(), 0.99) - 99.0).abs() < 1e-9);
+        assert_eq!(percentile(vec![7.0], 0.99), 7.0);
+        assert_eq!(percentile(vec![7.0, 8.0], 1.0), 8.0);
+    }
+}

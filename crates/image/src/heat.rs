@@ -1,0 +1,163 @@
+//! The picture of a comparison: where, and how much, two images differ.
+
+use crate::{Comparison, Picture};
+
+/// Relative error at the dark end of the scale; smaller ones are as dark.
+const LEAST: f64 = 0.01;
+/// Decades from [`LEAST`] to the bright end, each with a label at its start and one at the end.
+const DECADES: u32 = 3;
+/// Labels of the scale, at equal distances.
+const LABELS: [&str; DECADES as usize + 1] = ["1%", "10%", "100%", "1000%"];
+
+const MASKED: [u8; 3] = [96, 96, 96];
+const NOT_FINITE: [u8; 3] = [0, 255, 0];
+const INK: [u8; 3] = [255, 255, 255];
+
+/// Pixels from the map to the scale, around it, and the scale's height.
+const MARGIN: u32 = 6;
+const BAR_HEIGHT: u32 = 12;
+const TICK: u32 = 3;
+/// The scale needs this width for its labels; narrower maps get a wider picture.
+const LEAST_WIDTH: u32 = 180;
+
+/// Colours from no error to the largest, brighter all the way so that the map reads in grey, too: black, blue,
+/// violet, red, orange, yellow, white.
+const RAMP: [[u8; 3]; 7] = [
+    [0, 0, 0],
+    [28, 16, 110],
+    [118, 26, 138],
+    [205, 50, 80],
+    [243, 122, 32],
+    [250, 208, 70],
+    [255, 255, 255],
+];
+
+/// Width and height of a glyph, and from one to the next.
+const GLYPH: (u32, u32) = (5, 7);
+const ADVANCE: u32 = 6;
+
+pub(crate) fn draw(comparison: &Comparison) -> Picture {
+    let (width, height) = (comparison.width as u32, comparison.height as u32);
+    let full_width = width.max(LEAST_WIDTH);
+    let bar_top = height + MARGIN;
+    let label_top = bar_top + BAR_HEIGHT + TICK + 2;
+    let mut picture = Picture::black(full_width, label_top + GLYPH.1 + MARGIN);
+    for index in 0..comparison.keep.len() {
+        let colour = if !comparison.keep[index] {
+            MASKED
+        } else if comparison.bad[index] {
+            NOT_FINITE
+        } else {
+            let absolute: f64 =
+                comparison.a.iter().zip(&comparison.b).map(|(a, b)| (a[index] - b[index]).abs()).sum();
+            colour_of(absolute / 3.0 / comparison.reference_mean.abs())
+        };
+        picture.set(index as u32 % width, index as u32 / width, colour);
+    }
+
+    let bar = full_width - 2 * MARGIN;
+    for x in 0..bar {
+        let colour = ramp(x as f64 / (bar - 1) as f64);
+        for y in 0..BAR_HEIGHT {
+            picture.set(MARGIN + x, bar_top + y, colour);
+        }
+        // A frame, for the dark end would otherwise vanish in the background.
+        picture.set(MARGIN + x, bar_top - 1, INK);
+        picture.set(MARGIN + x, bar_top + BAR_HEIGHT, INK);
+    }
+    for (index, label) in LABELS.iter().enumerate() {
+        let x = MARGIN + (bar - 1) * index as u32 / DECADES;
+        for y in bar_top..bar_top + BAR_HEIGHT + TICK {
+            picture.set(x, y, INK);
+        }
+        let length = ADVANCE * label.len() as u32 - 1;
+        let start = (x.saturating_sub(length / 2)).clamp(MARGIN, full_width - MARGIN - length);
+        write(&mut picture, start, label_top, label);
+    }
+    picture
+}
+
+/// The colour of a relative error.
+fn colour_of(error: f64) -> [u8; 3] {
+    ramp((error.max(LEAST) / LEAST).log10() / DECADES as f64)
+}
+
+/// The ramp's colour at 0–1, clamped.
+fn ramp(position: f64) -> [u8; 3] {
+    let scaled = position.clamp(0.0, 1.0) * (RAMP.len() - 1) as f64;
+    let below = (scaled as usize).min(RAMP.len() - 2);
+    let share = scaled - below as f64;
+    let mix = |channel: usize| {
+        let (low, high) = (RAMP[below][channel] as f64, RAMP[below + 1][channel] as f64);
+        (low + (high - low) * share).round() as u8
+    };
+    [mix(0), mix(1), mix(2)]
+}
+
+fn write(picture: &mut Picture, left: u32, top: u32, text: &str) {
+    for (index, letter) in text.chars().enumerate() {
+        for (y, row) in (0..).zip(glyph(letter)) {
+            for x in (0..GLYPH.0).filter(|x| row >> (GLYPH.0 - 1 - x) & 1 == 1) {
+                picture.set(left + ADVANCE * index as u32 + x, top + y, INK);
+            }
+        }
+    }
+}
+
+/// The few letters that the scale's labels need.
+fn glyph(letter: char) -> [u8; GLYPH.1 as usize] {
+    match letter {
+        '0' => [0b01110, 0b10001, 0b10001, 0b10001, 0b10001, 0b10001, 0b01110],
+        '1' => [0b00100, 0b01100, 0b00100, 0b00100, 0b00100, 0b00100, 0b01110],
+        _ => [0b11001, 0b11010, 0b00010, 0b00100, 0b01000, 0b01011, 0b10011],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{CompareOptions, Image, colour};
+
+    fn draw(a: &Image, b: &Image, mask: Option<&Image>) -> Picture {
+        let options = CompareOptions { mask, ..CompareOptions::default() };
+        Comparison::new(a, b, &options).unwrap().heat_map()
+    }
+
+    #[test]
+    fn brighter_means_a_larger_error() {
+        let luminance = |error: f64| {
+            colour::luminance(
+                colour_of(error).map(|byte| colour::linear_from_srgb(byte as f64 / 255.0) as f32),
+            )
+        };
+        let steps: Vec<f32> =
+            (0..=60).map(|step| luminance(LEAST * 10_f64.powf(step as f64 / 20.0))).collect();
+        assert!(steps.is_sorted_by(|low, high| low < high), "{steps:?}");
+    }
+
+    #[test]
+    fn the_scale_ends_in_black_and_white() {
+        assert_eq!(colour_of(0.0), RAMP[0]);
+        assert_eq!(colour_of(0.01), RAMP[0]);
+        assert_eq!(colour_of(10.0), RAMP[6]);
+        assert_eq!(colour_of(f64::INFINITY), RAMP[6]);
+    }
+
+    #[test]
+    fn masked_broken_equal_and_wrong_pixels_look_different() {
+        let reference = Image::filled(4, 1, [1.0; 3]);
+        let mut image = reference.clone();
+        image.pixels_mut()[1] = [f32::NAN; 3];
+        image.pixels_mut()[2] = [12.0; 3];
+        let mask = Image::from_fn(4, 1, |x, _| if x == 3 { [1.0; 3] } else { [0.0; 3] });
+        let picture = draw(&image, &reference, Some(&mask));
+        assert_eq!([0, 1, 2, 3].map(|x| picture.pixel(x, 0)), [RAMP[0], NOT_FINITE, RAMP[6], MASKED]);
+    }
+
+    #[test]
+    fn even_a_single_pixel_gets_a_whole_scale() {
+        let picture = draw(&Image::filled(1, 1, [1.0; 3]), &Image::filled(1, 1, [2.0; 3]), None);
+        assert_eq!(picture.width(), LEAST_WIDTH);
+        assert_eq!(picture.pixel(LEAST_WIDTH - MARGIN - 2, 1 + MARGIN + 1)[0], 255);
+    }
+}
