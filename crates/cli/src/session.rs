@@ -39,7 +39,7 @@ impl Session {
         if size.iter().any(|&side| side > limit) {
             bail!("--size {}x{}: {} renders up to {limit}x{limit}", size[0], size[1], gpu.info.name);
         }
-        let renderer = Renderer::new(&gpu, settings)?;
+        let mut renderer = Renderer::new(&gpu, settings)?;
         let loaded = renderer.load(&scene)?;
         Ok(Self { gpu, renderer, scene: loaded, scene_name: name, view, size })
     }

@@ -8,7 +8,7 @@ use chiaro_techniques::shadow::{CameraView, ShadowMaps, ShadowView, fit};
 use chiaro_techniques::shared::albedo_table;
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
 use chiaro_techniques::surface::culling::CullView;
-use chiaro_techniques::surface::{SceneGpu, Surfaces};
+use chiaro_techniques::surface::{SceneFacts, SceneGpu, Surfaces};
 use glam::{Mat4, Vec2, Vec3};
 
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
@@ -63,11 +63,12 @@ impl Renderer {
         let mut frame = recorder.begin();
         albedo_table::record(&mut frame, &table)?;
         frame.submit();
-        let permutations = Permutations::new(&settings.shadow, settings.surface.msaa);
+        let facts = SceneFacts::default();
+        let permutations = Permutations::new(&settings.shadow, settings.surface.msaa, facts);
         let passes = Passes {
             frame_group: FrameGroup::new(gpu, &frame_layout, &table),
-            surfaces: Surfaces::new(gpu, &frame_layout, &scene_layout)?,
-            shadows: ShadowMaps::new(gpu, &frame_layout, &scene_layout, &settings.shadow)?,
+            surfaces: Surfaces::new(gpu, &frame_layout, &scene_layout, facts)?,
+            shadows: ShadowMaps::new(gpu, &frame_layout, &scene_layout, &settings.shadow, facts)?,
             direct: DirectLight::new(gpu, &frame_layout, &scene_layout, permutations)?,
         };
         gpu.check()?;
@@ -90,22 +91,38 @@ impl Renderer {
     /// As [`Renderer::new`]; the old settings then stay in force.
     pub fn set(&mut self, settings: Settings) -> Result<(), Error> {
         check(&self.gpu, &settings)?;
-        let permutations = Permutations::new(&settings.shadow, settings.surface.msaa);
-        let (frame, scene) = (&self.frame_layout, &self.scene_layout);
+        self.compile(&settings, self.passes.surfaces.facts())?;
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Makes the passes serve these settings and scenes; on an error nothing changes.
+    fn compile(&mut self, settings: &Settings, facts: SceneFacts) -> Result<(), Error> {
+        let permutations = Permutations::new(&settings.shadow, settings.surface.msaa, facts);
+        let (gpu, frame, scene) = (&self.gpu, &self.frame_layout, &self.scene_layout);
+        let surfaces = (self.passes.surfaces.facts() != facts)
+            .then(|| Surfaces::new(gpu, frame, scene, facts))
+            .transpose()?;
+        let shadows = (!self.passes.shadows.serves(&settings.shadow, facts))
+            .then(|| ShadowMaps::new(gpu, frame, scene, &settings.shadow, facts))
+            .transpose()?;
         let direct = (self.passes.direct.permutations() != permutations)
-            .then(|| DirectLight::new(&self.gpu, frame, scene, permutations))
+            .then(|| DirectLight::new(gpu, frame, scene, permutations))
             .transpose()?;
-        let shadows = (!self.passes.shadows.serves(&settings.shadow))
-            .then(|| ShadowMaps::new(&self.gpu, frame, scene, &settings.shadow))
-            .transpose()?;
-        if let Some(direct) = direct {
-            self.passes.direct = direct;
+        if let Some(surfaces) = surfaces {
+            self.passes.surfaces = surfaces;
         }
         if let Some(shadows) = shadows {
             self.passes.shadows = shadows;
         }
-        self.settings = settings;
+        if let Some(direct) = direct {
+            self.passes.direct = direct;
+        }
         Ok(())
+    }
+
+    pub(crate) fn permutations(&self) -> Permutations {
+        self.passes.direct.permutations()
     }
 
     /// The settings in force.
@@ -133,12 +150,14 @@ impl Renderer {
         &self.notes
     }
 
-    /// Uploads a scene.
+    /// Uploads a scene, and compiles what its materials need beyond those of earlier scenes.
     ///
     /// # Errors
     /// When it does not fit the adapter.
-    pub fn load(&self, scene: &Scene) -> Result<LoadedScene, Error> {
-        let gpu = SceneGpu::upload(&self.gpu, &self.scene_layout, scene, self.settings.surface.anisotropy)?;
+    pub fn load(&mut self, scene: &Scene) -> Result<LoadedScene, Error> {
+        let gpu = SceneGpu::upload(&self.gpu, &self.scene_layout, scene)?;
+        let settings = self.settings.clone();
+        self.compile(&settings, self.passes.surfaces.facts().union(gpu.facts))?;
         self.gpu.check()?;
         Ok(LoadedScene::new(gpu, scene))
     }
@@ -182,6 +201,8 @@ impl Renderer {
             radiance_scale: scene.radiance_scale,
             sky: sky.to_array(),
             normal_maps: u32::from(settings.surface.normal_maps),
+            anisotropy: settings.surface.anisotropy,
+            _pad: [0; 3],
         };
         self.previous_clip_from_ws = Some(steady);
         let eye = if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };

@@ -1,7 +1,6 @@
 //! Stills: jittered frames averaged, with single quantities beside the picture.
 
 use chiaro_gpu::{Readback, Recorder};
-use chiaro_techniques::direct::Permutations;
 use chiaro_techniques::post::{Accumulator, Aov, AovPass, Display, Sum};
 use glam::Vec2;
 
@@ -111,7 +110,7 @@ impl Renderer {
         let jitter = Jitter::new(samples);
         let accumulator = Accumulator::new(&gpu)?;
         let display = Display::new(&gpu)?;
-        let permutations = Permutations::new(&self.settings().shadow, self.settings().surface.msaa);
+        let permutations = self.permutations();
         let aov_pass = (!options.aovs.is_empty())
             .then(|| AovPass::new(&gpu, self.frame_layout(), permutations, options.aovs.len()))
             .transpose()?;

@@ -25,7 +25,7 @@ use crate::shaders;
 use crate::shadow::{Filter, ShadowOutputs, ShadowSettings};
 use crate::surface::culling::{DEPTH_COMPARE, DrawLists, draw_classes};
 use crate::surface::scene::CLASSES;
-use crate::surface::{SceneGpu, SurfaceBuffer, cull_mode};
+use crate::surface::{SceneFacts, SceneGpu, SurfaceBuffer, cull_mode};
 
 /// What shaders are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,13 +34,15 @@ pub struct Permutations {
     pub pcf_kernel: u32,
     /// Samples per pixel of the forward pipeline.
     pub msaa: u32,
+    /// What materials use, for the forward pipeline.
+    pub facts: SceneFacts,
 }
 
 impl Permutations {
     /// Those that settings ask for.
-    pub fn new(shadow: &ShadowSettings, msaa: u32) -> Self {
+    pub fn new(shadow: &ShadowSettings, msaa: u32, facts: SceneFacts) -> Self {
         let pcf_kernel = if shadow.filter == Filter::None { 0 } else { shadow.pcf_kernel.texels() };
-        Self { pcf_kernel, msaa }
+        Self { pcf_kernel, msaa, facts }
     }
 
     /// Constants of every shader that looks shadows up.
@@ -88,6 +90,7 @@ impl DirectLight {
             write_mask: wgpu::ColorWrites::ALL,
         }];
         let multisampled = permutations.msaa > 1;
+        let forward_constants = [&constants[..], &permutations.facts.constants()].concat();
         let forward = |class: usize| {
             let masked = class & 2 != 0;
             let options = RenderPipelineOptions {
@@ -96,7 +99,7 @@ impl DirectLight {
                 cull: cull_mode(class),
                 samples: permutations.msaa,
                 alpha_to_coverage: masked && multisampled,
-                constants: &constants,
+                constants: &forward_constants,
                 ..Default::default()
             };
             RenderPipeline::new(gpu, &library, &shaders::forward(masked, multisampled), shared, &options)

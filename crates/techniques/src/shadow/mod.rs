@@ -27,7 +27,7 @@ use chiaro_gpu::{
 };
 
 use crate::shaders;
-use crate::surface::SceneGpu;
+use crate::surface::{SceneFacts, SceneGpu};
 use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, draw_classes};
 use crate::surface::scene::CLASSES;
 
@@ -59,6 +59,7 @@ pub struct ShadowMaps {
     draw_views: Buffer,
     capacity: usize,
     cull_front: bool,
+    facts: SceneFacts,
 }
 
 impl ShadowMaps {
@@ -71,17 +72,21 @@ impl ShadowMaps {
         frame_layout: &GroupLayout,
         scene_layout: &GroupLayout,
         settings: &ShadowSettings,
+        facts: SceneFacts,
     ) -> Result<Self, GpuError> {
+        let materials = facts.constants();
         let library = shaders::library();
         let shared = &[frame_layout, scene_layout];
         let pipeline = |class: usize| {
+            let masked = class & 2 != 0;
             let options = RenderPipelineOptions {
                 depth: Some((TextureFormat::Depth32Float, DEPTH_COMPARE)),
                 cull: settings.bias_cull_front.then_some(wgpu::Face::Front),
                 unclipped_depth: gpu.optional.depth_clip_control,
+                constants: if masked { &materials } else { &[] },
                 ..Default::default()
             };
-            RenderPipeline::new(gpu, &library, &shaders::shadow_depth(class & 2 != 0), shared, &options)
+            RenderPipeline::new(gpu, &library, &shaders::shadow_depth(masked), shared, &options)
         };
         let compare = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("shadow_compare"),
@@ -97,12 +102,13 @@ impl ShadowMaps {
             draw_views: draw_views(gpu, 1),
             capacity: 1,
             cull_front: settings.bias_cull_front,
+            facts,
         })
     }
 
     /// Whether these passes serve `settings` without being made again.
-    pub fn serves(&self, settings: &ShadowSettings) -> bool {
-        self.cull_front == settings.bias_cull_front
+    pub fn serves(&self, settings: &ShadowSettings, facts: SceneFacts) -> bool {
+        self.cull_front == settings.bias_cull_front && self.facts == facts
     }
 
     /// Makes room for so many views. Not inside a frame.

@@ -27,6 +27,8 @@ pub struct FrameData {
     pub radiance_scale: f32,
     pub sky: [f32; 3],
     pub normal_maps: u32,
+    pub anisotropy: u32,
+    pub _pad: [u32; 3],
 }
 
 /// A light as shaders see it; see `frame.wesl`.

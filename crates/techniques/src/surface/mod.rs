@@ -20,7 +20,7 @@ pub mod scene;
 mod settings;
 pub mod texture;
 
-pub use scene::SceneGpu;
+pub use scene::{SceneFacts, SceneGpu};
 pub use settings::{Lighting, SurfaceSettings};
 
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
@@ -52,6 +52,7 @@ pub struct Surfaces {
     visibility: [RenderPipeline; scene::CLASSES],
     resolve: [ComputePipeline; 2],
     indexed: bool,
+    facts: SceneFacts,
     buffer: Option<SurfaceBuffer>,
 }
 
@@ -60,9 +61,15 @@ impl Surfaces {
     ///
     /// # Errors
     /// When a shader does not compile.
-    pub fn new(gpu: &Gpu, frame_layout: &GroupLayout, scene_layout: &GroupLayout) -> Result<Self, GpuError> {
+    pub fn new(
+        gpu: &Gpu,
+        frame_layout: &GroupLayout,
+        scene_layout: &GroupLayout,
+        facts: SceneFacts,
+    ) -> Result<Self, GpuError> {
         let library = shaders::library();
         let shared = &[frame_layout, scene_layout];
+        let materials = facts.constants();
         let indexed = gpu.optional.primitive_index;
         let target = [wgpu::ColorTargetState {
             format: TextureFormat::R32Uint,
@@ -70,23 +77,35 @@ impl Surfaces {
             write_mask: wgpu::ColorWrites::ALL,
         }];
         let visibility = |class: usize| {
+            let masked = class & 2 != 0;
+            let mut constants = materials.to_vec();
+            constants.truncate(if masked { 2 } else { 0 });
+            if indexed {
+                constants.push(("CLASS", class as f64));
+            }
             let options = RenderPipelineOptions {
                 targets: &target,
                 depth: Some((TextureFormat::Depth32Float, culling::DEPTH_COMPARE)),
                 cull: cull_mode(class),
-                constants: &[("CLASS", class as f64)],
+                constants: &constants,
                 ..Default::default()
             };
-            RenderPipeline::new(gpu, &library, &shaders::visibility(indexed, class & 2 != 0), shared, &options)
+            RenderPipeline::new(gpu, &library, &shaders::visibility(indexed, masked), shared, &options)
         };
-        let resolve = |emissive| ComputePipeline::new(gpu, &library, &shaders::resolve(emissive), shared, &[]);
+        let resolve = |glows| ComputePipeline::new(gpu, &library, &shaders::resolve(glows), shared, &materials);
         Ok(Self {
             culling: Culling::new(gpu, scene_layout)?,
             visibility: [visibility(0)?, visibility(1)?, visibility(2)?, visibility(3)?],
             resolve: [resolve(false)?, resolve(true)?],
             indexed,
+            facts,
             buffer: None,
         })
+    }
+
+    /// What scenes these passes were compiled for.
+    pub fn facts(&self) -> SceneFacts {
+        self.facts
     }
 
     /// Makes room for a scene at a picture size. Not inside a frame.

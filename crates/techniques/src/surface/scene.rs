@@ -81,8 +81,51 @@ pub struct SceneGpu {
     pub bounds_ws: (Vec3, Vec3),
     /// Whether any material shines by itself.
     pub glows: bool,
+    /// What shaders may leave out.
+    pub facts: SceneFacts,
     /// Bytes on the GPU.
     pub bytes: u64,
+}
+
+/// What a scene's materials use, so that shaders are compiled without the rest. Passes made for more serve less.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SceneFacts {
+    /// Bits of `TEXTURES` in `texture.wesl`.
+    pub textures: u32,
+    /// Texture size classes in use.
+    pub size_classes: u32,
+}
+
+impl SceneFacts {
+    fn of(scene: &cs::Scene, size_classes: u32) -> Self {
+        let bits = |m: &cs::Material| {
+            let uses = [
+                m.base_color_texture.is_some(),
+                m.metallic_roughness_texture.is_some(),
+                m.normal_texture.is_some(),
+                m.occlusion_texture.is_some(),
+                m.emissive_texture.is_some(),
+                m.specular_texture.is_some(),
+                m.specular_color_texture.is_some(),
+            ];
+            uses.iter().enumerate().fold(0, |bits, (bit, used)| bits | u32::from(*used) << bit)
+        };
+        Self { textures: scene.materials.iter().fold(0, |all, m| all | bits(m)), size_classes }
+    }
+
+    /// What serves both.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        Self {
+            textures: self.textures | other.textures,
+            size_classes: self.size_classes.max(other.size_classes),
+        }
+    }
+
+    /// Constants of every shader that evaluates materials.
+    pub fn constants(self) -> [(&'static str, f64); 2] {
+        [("TEXTURES", f64::from(self.textures)), ("SIZE_CLASSES", f64::from(self.size_classes.max(1)))]
+    }
 }
 
 impl SceneGpu {
@@ -121,7 +164,7 @@ impl SceneGpu {
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] when the scene does not fit the adapter's limits.
-    pub fn upload(gpu: &Gpu, layout: &GroupLayout, scene: &cs::Scene, anisotropy: u32) -> Result<Self, GpuError> {
+    pub fn upload(gpu: &Gpu, layout: &GroupLayout, scene: &cs::Scene) -> Result<Self, GpuError> {
         let mut heap = Heap::default();
         for mesh in &scene.meshes {
             heap.add_mesh(mesh, &scene.materials);
@@ -146,7 +189,7 @@ impl SceneGpu {
         let items: Vec<_> = items.into_iter().map(|(_, item)| item).collect();
         check(gpu, &items, triangles, heap.words.len())?;
 
-        let (arrays, slots) = texture::upload(gpu, scene)?;
+        let (arrays, slots, size_classes) = texture::upload(gpu, scene)?;
         let materials: Vec<_> =
             scene.materials.iter().map(|m| material::pack(m, &slots, &mut heap.words)).collect();
         let usage = wgpu::BufferUsages::STORAGE;
@@ -155,7 +198,7 @@ impl SceneGpu {
         let instances = Buffer::with_data(gpu, "instances", &instances, usage);
         let item_buffer = Buffer::with_data(gpu, "items", &items, usage);
         let materials = Buffer::with_data(gpu, "materials", &materials, usage);
-        let sampler = sampler(gpu, anisotropy);
+        let sampler = sampler(gpu);
         let mut bindings: Vec<Binding<'_>> =
             [&geometry, &clusters, &instances, &item_buffer, &materials].map(Binding::from).to_vec();
         bindings.extend(arrays.iter().map(Binding::from));
@@ -170,6 +213,7 @@ impl SceneGpu {
             triangle_count: triangles as u32,
             bounds_ws: scene.bounds().unwrap_or_default(),
             glows: scene.materials.iter().any(material::glows),
+            facts: SceneFacts::of(scene, size_classes),
             bytes,
         })
     }
@@ -200,7 +244,7 @@ fn check(gpu: &Gpu, items: &[ItemData], triangles: u64, words: usize) -> Result<
     Ok(())
 }
 
-fn sampler(gpu: &Gpu, anisotropy: u32) -> wgpu::Sampler {
+fn sampler(gpu: &Gpu) -> wgpu::Sampler {
     gpu.device.create_sampler(&wgpu::SamplerDescriptor {
         label: Some("material textures"),
         address_mode_u: wgpu::AddressMode::Repeat,
@@ -208,7 +252,6 @@ fn sampler(gpu: &Gpu, anisotropy: u32) -> wgpu::Sampler {
         mag_filter: wgpu::FilterMode::Linear,
         min_filter: wgpu::FilterMode::Linear,
         mipmap_filter: wgpu::MipmapFilterMode::Linear,
-        anisotropy_clamp: anisotropy.clamp(1, 16) as u16,
         ..Default::default()
     })
 }

@@ -26,6 +26,6 @@ settings! {
         normal_maps: bool = true, "", (), Uniform;
         /// Texels averaged along the longer side of a slanted footprint. More keeps slanted textures sharp and
         /// costs texture bandwidth.
-        anisotropy: u32 = 16, "samples", 1..=16, Resources;
+        anisotropy: u32 = 16, "samples", 1..=16, Uniform;
     }
 }

@@ -28,11 +28,11 @@ impl TextureSlots {
     }
 }
 
-/// The six arrays in binding order, and the slots of the scene's textures.
+/// The six arrays in binding order, the slots of the scene's textures, and how many size classes they use.
 ///
 /// # Errors
 /// When the scene has more images of a kind than an array has layers.
-pub fn upload(gpu: &Gpu, scene: &cs::Scene) -> Result<(Vec<Texture>, TextureSlots), GpuError> {
+pub fn upload(gpu: &Gpu, scene: &cs::Scene) -> Result<(Vec<Texture>, TextureSlots, u32), GpuError> {
     let uses = uses(scene);
     let sides = size_classes(scene, &uses, gpu.limits.max_texture_dimension_2d.min(MAX_SIDE));
     let mut slots = TextureSlots { slots: vec![[None; 2]; scene.textures.len()] };
@@ -78,7 +78,8 @@ pub fn upload(gpu: &Gpu, scene: &cs::Scene) -> Result<(Vec<Texture>, TextureSlot
         let side = if images.is_empty() { 1 } else { sides[array % 3] };
         array_of(gpu, scene, images, side, array < 3)
     });
-    Ok((arrays.collect(), slots))
+    let classes = (0..3).rev().find(|&class| !members[class].is_empty() || !members[class + 3].is_empty());
+    Ok((arrays.collect(), slots, classes.map_or(0, |class| class as u32 + 1)))
 }
 
 /// Whether each texture is used as sRGB, as linear.
@@ -125,6 +126,7 @@ fn size_classes(scene: &cs::Scene, uses: &[[bool; 2]], max: u32) -> [u32; 3] {
         let fit = |side: u32| classes.into_iter().find(|&class| class >= side).unwrap_or(largest);
         sides.iter().map(|&side| u64::from(fit(side)).pow(2)).sum()
     };
+    // Fewer classes are as good where they add no texels: an image goes to the first that holds it.
     let mut best = [largest; 3];
     for (i, &small) in distinct.iter().enumerate() {
         for &medium in &distinct[i..] {
