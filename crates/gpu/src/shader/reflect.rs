@@ -64,6 +64,7 @@ impl Linked {
             let name = unmangled(global.name.as_deref().unwrap_or_default()).to_owned();
             let mut visibility = wgpu::ShaderStages::empty();
             let mut filtered = false;
+            let mut gathers_depth = false;
             for (index, entry) in self.module.entry_points.iter().enumerate() {
                 let info = self.info.get_entry_point(index);
                 if !info[handle].is_empty() {
@@ -71,12 +72,22 @@ impl Linked {
                 }
                 // A texture sampled through a comparison sampler is a depth texture, whose layout says no filter.
                 filtered |= info.sampling_set.iter().any(|key| key.image == handle);
+                gathers_depth |= info.sampling_set.iter().any(|key| key.sampler == handle && self.is_depth(key.image));
             }
             if visibility.is_empty() {
                 // An import may declare more than the entry points use.
                 continue;
             }
-            let ty = self.binding_type(global, filtered).ok_or_else(|| GpuError::Shader {
+            let plain_sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+            let ty = self.binding_type(global, filtered);
+            // Depth cannot be filtered without a comparison.
+            let ty = match ty {
+                Some(ty) if ty == plain_sampler && gathers_depth => {
+                    Some(wgpu::BindingType::Sampler(wgpu::SamplerBindingType::NonFiltering))
+                }
+                ty => ty,
+            };
+            let ty = ty.ok_or_else(|| GpuError::Shader {
                 name: self.label.clone(),
                 message: format!("binding {name} has a type that no bind group layout is known for"),
             })?;
@@ -106,6 +117,11 @@ impl Linked {
     pub fn workgroup_size(&self) -> [u32; 3] {
         let compute = self.module.entry_points.iter().find(|e| e.stage == naga::ShaderStage::Compute);
         compute.map_or([1; 3], |e| e.workgroup_size)
+    }
+
+    fn is_depth(&self, image: naga::Handle<naga::GlobalVariable>) -> bool {
+        let ty = &self.module.types[self.module.global_variables[image].ty].inner;
+        matches!(ty, naga::TypeInner::Image { class: naga::ImageClass::Depth { .. }, .. })
     }
 
     fn binding_type(&self, global: &naga::GlobalVariable, filtered: bool) -> Option<wgpu::BindingType> {

@@ -30,8 +30,10 @@ use crate::surface::{SceneFacts, SceneGpu, SurfaceBuffer, cull_mode};
 /// What shaders are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Permutations {
-    /// Texels of the filter kernel, 0 = unfiltered.
+    /// Texels of the shadow filter's kernel, 0 = unfiltered.
     pub pcf_kernel: u32,
+    /// Whether the filter follows the receiver's plane.
+    pub receiver_plane: bool,
     /// Samples per pixel of the forward pipeline.
     pub msaa: u32,
     /// What materials use, for the forward pipeline.
@@ -42,12 +44,12 @@ impl Permutations {
     /// Those that settings ask for.
     pub fn new(shadow: &ShadowSettings, msaa: u32, facts: SceneFacts) -> Self {
         let pcf_kernel = if shadow.filter == Filter::None { 0 } else { shadow.pcf_kernel.texels() };
-        Self { pcf_kernel, msaa, facts }
+        Self { pcf_kernel, receiver_plane: shadow.bias_receiver_plane, msaa, facts }
     }
 
     /// Constants of every shader that looks shadows up.
-    pub fn constants(&self) -> [(&'static str, f64); 1] {
-        [("PCF_KERNEL", f64::from(self.pcf_kernel))]
+    pub fn constants(&self) -> [(&'static str, f64); 2] {
+        [("PCF_KERNEL", f64::from(self.pcf_kernel)), ("RECEIVER_PLANE", f64::from(self.receiver_plane))]
     }
 }
 
@@ -227,10 +229,11 @@ impl DirectLight {
 }
 
 /// What `direct/lighting.wesl` binds.
-pub fn lighting_binds<'a>(shadows: &'a ShadowOutputs, light_grid: &'a Buffer) -> [Bind<'a>; 3] {
+pub fn lighting_binds<'a>(shadows: &'a ShadowOutputs, light_grid: &'a Buffer) -> [Bind<'a>; 4] {
     [
         ("shadow_maps", (&shadows.maps).into()),
         ("shadow_compare", (&shadows.compare).into()),
+        ("shadow_gather", (&shadows.gather).into()),
         ("light_grid", light_grid.into()),
     ]
 }

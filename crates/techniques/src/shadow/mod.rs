@@ -38,6 +38,8 @@ pub struct ShadowOutputs {
     pub maps: Texture,
     /// Comparison sampler: passes where the receiver's reversed depth is at least the map's.
     pub compare: wgpu::Sampler,
+    /// Plain sampler, for fetching four depths at once.
+    pub gather: wgpu::Sampler,
 }
 
 #[repr(C)]
@@ -95,10 +97,14 @@ impl ShadowMaps {
             compare: Some(wgpu::CompareFunction::GreaterEqual),
             ..Default::default()
         });
+        let gather = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("shadow_gather"),
+            ..Default::default()
+        });
         Ok(Self {
             culling: Culling::new(gpu, scene_layout)?,
             pipelines: [pipeline(0)?, pipeline(1)?, pipeline(2)?, pipeline(3)?],
-            outputs: ShadowOutputs { maps: maps(gpu, 1, 1), compare },
+            outputs: ShadowOutputs { maps: maps(gpu, 1, 1), compare, gather },
             draw_views: draw_views(gpu, 1),
             capacity: 1,
             cull_front: settings.bias_cull_front,

@@ -64,6 +64,9 @@ settings! {
         pcf_kernel: PcfKernel = PcfKernel::Three, "texels", (), Permutation;
         /// All maps together take at most this much; beyond it the resolution is halved, and said.
         memory_budget: u32 = 512, "MiB", 1..=65536, Resources;
+        /// Whether every texel is compared with the receiver's plane at that texel: a plane then needs no other bias, at
+        /// the cost of comparing in the shader. Without it the hardware compares, all texels with one depth.
+        bias_receiver_plane as "bias.receiver_plane": bool = true, "", (), Permutation;
         /// Receiver offset along its normal, as a share of what a plane needs under the filter: 1 is exactly enough.
         /// More hides acne on curved surfaces and lets thin shadows shrink.
         bias_normal_offset as "bias.normal_offset": f32 = 1.0, "of the filter radius", 0.0..=8.0, Uniform;
