@@ -6,7 +6,7 @@
 //!   the timing table, the frame diagram and a read-before-write assertion.
 //! - [`Texture`], [`Buffer`], [`TexturePool`]: handles with an identity, so that bind groups are made once and found
 //!   again.
-//! - [`Readback`]: pixels back on the CPU, without blocking.
+//! - [`Readback`], [`BufferReadback`]: pixels and buffers back on the CPU, without blocking.
 //!
 //! Nothing here knows about light.
 
@@ -26,6 +26,6 @@ pub use frame::{
 };
 pub use pipeline::{ComputePipeline, RenderPipeline, RenderPipelineOptions};
 pub use profile::{FrameTimings, PassTiming};
-pub use readback::{Pixels, Readback};
+pub use readback::{BufferReadback, Pixels, Readback};
 pub use resource::{Binding, Buffer, Group, GroupLayout, Life, Texture, TextureOptions, TexturePool};
 pub use wgpu;

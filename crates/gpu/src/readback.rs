@@ -1,9 +1,9 @@
-//! Pixels back on the CPU.
+//! Pixels and buffers back on the CPU.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use crate::{Gpu, GpuError, Texture};
+use crate::{Buffer, Gpu, GpuError, Texture};
 
 /// Bytes of a texture's first mip and layer, rows packed without padding.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,17 +29,12 @@ impl Pixels {
 /// allowed.
 #[derive(Debug)]
 pub struct Readback {
-    buffer: wgpu::Buffer,
+    staging: Staging,
     width: u32,
     height: u32,
     row: u32,
     format: wgpu::TextureFormat,
-    state: Arc<AtomicU8>,
 }
-
-const PENDING: u8 = 0;
-const READY: u8 = 1;
-const FAILED: u8 = 2;
 
 impl Readback {
     /// Records and submits the copy of a texture's first mip and layer.
@@ -65,13 +60,7 @@ impl Readback {
                 advice: "render a smaller image",
             });
         }
-        gpu.created.add();
-        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("readback"),
-            size,
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
+        let staging = Staging::new(gpu, size);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_texture_to_buffer(
             wgpu::TexelCopyTextureInfo {
@@ -81,7 +70,7 @@ impl Readback {
                 aspect,
             },
             wgpu::TexelCopyBufferInfo {
-                buffer: &buffer,
+                buffer: &staging.buffer,
                 layout: wgpu::TexelCopyBufferLayout {
                     offset: 0,
                     bytes_per_row: Some(row),
@@ -90,13 +79,8 @@ impl Readback {
             },
             wgpu::Extent3d { width: options.width, height: options.height, depth_or_array_layers: 1 },
         );
-        gpu.queue.submit([encoder.finish()]);
-        let state = Arc::new(AtomicU8::new(PENDING));
-        let done = state.clone();
-        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-            done.store(if result.is_ok() { READY } else { FAILED }, Ordering::Release);
-        });
-        Ok(Self { buffer, width: options.width, height: options.height, row, format: options.format, state })
+        staging.fetch(gpu, encoder);
+        Ok(Self { staging, width: options.width, height: options.height, row, format: options.format })
     }
 
     /// The pixels if they have arrived. Never blocks.
@@ -104,9 +88,7 @@ impl Readback {
     /// # Errors
     /// When the device was lost meanwhile.
     pub fn poll(&self, gpu: &Gpu) -> Result<Option<Pixels>, GpuError> {
-        // A failed poll shows as a failed mapping or in `check`.
-        let _ = gpu.device.poll(wgpu::PollType::Poll);
-        self.take(gpu)
+        Ok(self.staging.poll(gpu)?.map(|bytes| self.packed(&bytes)))
     }
 
     /// Blocks until the pixels are here. For command lines and tests only.
@@ -114,6 +96,90 @@ impl Readback {
     /// # Errors
     /// When the device was lost, or reported an error.
     pub fn wait(self, gpu: &Gpu) -> Result<Pixels, GpuError> {
+        Ok(self.packed(&self.staging.wait(gpu)?))
+    }
+
+    /// Drops the padding that copies need at the end of rows.
+    fn packed(&self, padded: &[u8]) -> Pixels {
+        let used = (padded.len() / self.height.max(1) as usize).min(self.row as usize);
+        let aspect = self.format.has_depth_aspect().then_some(wgpu::TextureAspect::DepthOnly);
+        let row = (self.width * self.format.block_copy_size(aspect).unwrap_or(4)) as usize;
+        let bytes = padded.chunks_exact(used).flat_map(|padded| &padded[..row]).copied().collect();
+        Pixels { width: self.width, height: self.height, format: self.format, bytes }
+    }
+}
+
+/// A copy of a buffer on its way to the CPU. The buffer needs the usage `COPY_SRC`.
+#[derive(Debug)]
+pub struct BufferReadback(Staging);
+
+impl BufferReadback {
+    /// Records and submits the copy of the whole buffer.
+    pub fn start(gpu: &Gpu, buffer: &Buffer) -> Self {
+        let size = buffer.raw().size();
+        let staging = Staging::new(gpu, size);
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(buffer.raw(), 0, &staging.buffer, 0, size);
+        staging.fetch(gpu, encoder);
+        Self(staging)
+    }
+
+    /// The bytes if they have arrived. Never blocks.
+    ///
+    /// # Errors
+    /// When the device was lost meanwhile.
+    pub fn poll(&self, gpu: &Gpu) -> Result<Option<Vec<u8>>, GpuError> {
+        self.0.poll(gpu)
+    }
+
+    /// Blocks until the bytes are here. For command lines and tests only.
+    ///
+    /// # Errors
+    /// When the device was lost, or reported an error.
+    pub fn wait(self, gpu: &Gpu) -> Result<Vec<u8>, GpuError> {
+        self.0.wait(gpu)
+    }
+}
+
+const PENDING: u8 = 0;
+const READY: u8 = 1;
+const FAILED: u8 = 2;
+
+/// A buffer that the CPU can map, and whether it is mapped yet.
+#[derive(Debug)]
+struct Staging {
+    buffer: wgpu::Buffer,
+    state: Arc<AtomicU8>,
+}
+
+impl Staging {
+    fn new(gpu: &Gpu, size: u64) -> Self {
+        gpu.created.add();
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("readback"),
+            size,
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        Self { buffer, state: Arc::new(AtomicU8::new(PENDING)) }
+    }
+
+    /// Submits what fills the buffer, and asks for its mapping.
+    fn fetch(&self, gpu: &Gpu, encoder: wgpu::CommandEncoder) {
+        gpu.queue.submit([encoder.finish()]);
+        let done = self.state.clone();
+        self.buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
+            done.store(if result.is_ok() { READY } else { FAILED }, Ordering::Release);
+        });
+    }
+
+    fn poll(&self, gpu: &Gpu) -> Result<Option<Vec<u8>>, GpuError> {
+        // A failed poll shows as a failed mapping or in `check`.
+        let _ = gpu.device.poll(wgpu::PollType::Poll);
+        self.take(gpu)
+    }
+
+    fn wait(&self, gpu: &Gpu) -> Result<Vec<u8>, GpuError> {
         gpu.device
             .poll(wgpu::PollType::wait_indefinitely())
             .map_err(|e| GpuError::DeviceLost(e.to_string()))?;
@@ -121,7 +187,7 @@ impl Readback {
         self.take(gpu)?.ok_or_else(|| GpuError::DeviceLost("a read-back did not finish".into()))
     }
 
-    fn take(&self, gpu: &Gpu) -> Result<Option<Pixels>, GpuError> {
+    fn take(&self, gpu: &Gpu) -> Result<Option<Vec<u8>>, GpuError> {
         match self.state.load(Ordering::Acquire) {
             PENDING => return Ok(None),
             READY => {}
@@ -134,10 +200,6 @@ impl Readback {
             .buffer
             .get_mapped_range(..)
             .map_err(|e| GpuError::Device(format!("a read-back could not be mapped: {e:?}")))?;
-        let used = (mapped.len() / self.height.max(1) as usize).min(self.row as usize);
-        let aspect = self.format.has_depth_aspect().then_some(wgpu::TextureAspect::DepthOnly);
-        let packed = (self.width * self.format.block_copy_size(aspect).unwrap_or(4)) as usize;
-        let bytes = mapped.chunks_exact(used).flat_map(|row| &row[..packed]).copied().collect();
-        Ok(Some(Pixels { width: self.width, height: self.height, format: self.format, bytes }))
+        Ok(Some(mapped.to_vec()))
     }
 }

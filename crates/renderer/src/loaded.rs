@@ -2,6 +2,7 @@
 
 use chiaro_scene::Scene;
 use chiaro_techniques::direct::{illuminance_scale, light_data};
+use chiaro_techniques::indirect::Openness;
 use chiaro_techniques::shared::frame::LightData;
 use chiaro_techniques::surface::SceneGpu;
 
@@ -16,6 +17,8 @@ pub struct LoadedScene {
     pub directional: usize,
     /// Stored radiance per nit, a power of two.
     pub radiance_scale: f32,
+    /// How much of the sky a place sees.
+    pub openness: Openness,
 }
 
 /// Stored radiance of a white surface under the brightest light. Half floats reach 65,504 above and 2⁻²⁴ below: eight
@@ -30,6 +33,6 @@ impl LoadedScene {
         // Without any light 1 nit is as good as anything.
         let brightest = if radiance.max(glow) > 0.0 { radiance.max(glow) } else { WHITE_STORED };
         let octave = (WHITE_STORED / brightest).log2().round().clamp(-60.0, 60.0);
-        Self { gpu, lights, directional, radiance_scale: octave.exp2() }
+        Self { gpu, lights, directional, radiance_scale: octave.exp2(), openness: Openness::new(scene) }
     }
 }

@@ -3,7 +3,7 @@
 use chiaro_gpu::{Frame, Gpu, GroupLayout, Recorder, TexturePool, wgpu};
 use chiaro_scene::Scene;
 use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
-use chiaro_techniques::indirect::ambient;
+use chiaro_techniques::indirect::{Ambient, ambient};
 use chiaro_techniques::shadow::{CameraView, ShadowMaps, ShadowView, fit};
 use chiaro_techniques::shared::albedo_table;
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
@@ -181,7 +181,8 @@ impl Renderer {
         let (shadow_views, notes) = fit(&mut lights, bounds, &camera_view, &settings.shadow);
         self.notes = notes;
         let grid = grid_size(size_px, lights.len() - scene.directional);
-        let (ambient, sky) = ambient(&settings.indirect, &lights, bounds);
+        let sky_view = scene.openness.sky_view(view.eye_ws());
+        let Ambient { radiance: around, sky } = ambient(&settings.indirect, &lights, bounds, sky_view);
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
@@ -197,17 +198,17 @@ impl Renderer {
             grid_slices: slices(view, bounds, grid[2]),
             lighting_model: settings.surface.lighting as u32,
             seed: 0,
-            ambient: ambient.to_array(),
-            radiance_scale: scene.radiance_scale,
+            ambient: around.map(|channel| channel.to_array()),
             sky: sky.to_array(),
+            radiance_scale: scene.radiance_scale,
             normal_maps: u32::from(settings.surface.normal_maps),
             anisotropy: settings.surface.anisotropy,
-            _pad: [0; 3],
+            _pad: [0; 2],
         };
         self.previous_clip_from_ws = Some(steady);
         let eye = if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };
         let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
-        let sky = wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 1.0 };
+        let sky = wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 };
         let forward = settings.pipeline == Pipeline::Forward;
         self.passes.frame_group.reserve(&self.gpu, lights.len(), shadow_views.len());
         self.passes.surfaces.reserve(&self.gpu, &self.pool, &scene.gpu, size_px);

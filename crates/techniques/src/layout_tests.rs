@@ -27,8 +27,7 @@ fn rust_structs_equal_their_wesl_twins() {
     same!(
         shade, FrameData, "Frame", clip_from_ws, relative_from_clip, previous_clip_from_ws, eye_ws, orthographic,
         forward_ws, footprint_scale, size_px, directional_lights, local_lights, grid, grid_slices, lighting_model,
-        seed, ambient, radiance_scale, sky, normal_maps,
-        anisotropy,
+        seed, ambient, sky, radiance_scale, normal_maps, anisotropy,
     );
     same!(
         shade, LightData, "Light", position_ws, kind, direction_ws, inverse_range_squared, intensity, first_view,

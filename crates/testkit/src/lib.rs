@@ -1,1 +1,20 @@
-//! Headless device, golden images and references for tests.
+//! What tests share: a headless device, small scenes, pictures of them, compute shaders over the techniques' library,
+//! golden images and the folder of references.
+//!
+//! [`device`] opens the best adapter once per process and fails, never skips, where there is none. [`Studio`] renders
+//! [`Stage`]s to linear images in nits; [`Bench`] runs a test's own compute shader. The tests themselves are in
+//! `tests/gpu`, one program, so that they share the device and are linked once.
+
+mod bench;
+mod device;
+mod files;
+mod golden;
+mod stage;
+mod studio;
+
+pub use bench::Bench;
+pub use device::{TestGpu, device, device_guaranteed, device_of_its_own};
+pub use files::{assets, reference};
+pub use golden::{Tolerance, assert_golden};
+pub use stage::{Stage, camera_above};
+pub use studio::{Studio, direct, nmae};

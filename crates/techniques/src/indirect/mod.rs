@@ -1,7 +1,13 @@
-//! Indirect light. So far a constant: [`Technique::Ambient`] stands in for what bounces, until imperfect shadow maps do
+//! Indirect light. So far an estimate: [`Technique::Ambient`] stands in for what bounces, until imperfect shadow maps do
 //! it right.
 
-use glam::Vec3;
+mod openness;
+
+pub use openness::{Openness, SkyView};
+
+use std::f32::consts::PI;
+
+use glam::{Vec3, Vec4};
 
 use crate::shared::frame::LightData;
 use crate::{choice, settings};
@@ -9,7 +15,8 @@ use crate::{choice, settings};
 choice! {
     /// Where indirect light comes from.
     pub enum Technique {
-        /// A uniform environment as bright as the scene's lights would make a closed grey room of its size.
+        /// A far environment as bright as the scene's lights would make a grey room of its size, brighter on the side
+        /// that they shine at, and under a sun the sky as the eye sees it.
         Ambient = "ambient",
         /// None: direct light only.
         None = "none",
@@ -26,33 +33,100 @@ settings! {
 
 /// Mean albedo that the ambient estimate assumes.
 const MEAN_ALBEDO: f32 = 0.5;
-/// Share of a sun's light that gets past the edges of a building's openings, or bounces off open ground.
-const SUN_SHARE: f32 = 0.05;
 /// A clear sky's mean luminance per lux of sun, tinted as Rayleigh scattering does (about 6,000 nits at 100,000 lx).
 const SKY_PER_LUX: Vec3 = Vec3::new(0.042, 0.062, 0.095);
+/// Least share of a sun's light that gets into a building: openings may be smaller than voxels.
+const LEAST_OPEN: f32 = 0.02;
 
-/// Radiance of the uniform environment, and of the sky behind everything, nits.
+/// An environment's irradiance over π, and what is behind everything.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ambient {
+    /// For red, green and blue: gradient along the normal, then the mean; nits. Nowhere negative.
+    pub radiance: [Vec4; 3],
+    /// Radiance of the sky where nothing is in front of it, nits.
+    pub sky: Vec3,
+}
+
+/// The environment that stands in for indirect light, at the eye and taken for the whole scene.
 ///
-/// In a closed sphere of area A and albedo ρ a flux Φ settles at a uniform radiance Φρ / (π A (1 − ρ)) (integrating
-/// sphere; Goebel 1967). A bias by design: no occlusion, no colour bleeding, one value for the whole scene.
-pub fn ambient(settings: &IndirectSettings, lights: &[LightData], bounds_ws: (Vec3, Vec3)) -> (Vec3, Vec3) {
+/// In a sphere of area A and albedo ρ, of which a share V is open, a flux Φ makes a first bounce of mean radiance
+/// Φρ / (πA), and all further ones ρ(1 − V) / (1 − ρ(1 − V)) times as much (integrating sphere; Goebel 1967). The
+/// first comes from the half that light shines at, the rest from everywhere; the irradiance of a uniform half sphere
+/// is exactly linear in the cosine between its axis and the normal. A bias by design: no occlusion, no colour
+/// bleeding, and the air is equally bright everywhere.
+pub fn ambient(
+    settings: &IndirectSettings,
+    lights: &[LightData],
+    bounds_ws: (Vec3, Vec3),
+    view: SkyView,
+) -> Ambient {
     if settings.technique == Technique::None {
-        return (Vec3::ZERO, Vec3::ZERO);
+        return Ambient { radiance: [Vec4::ZERO; 3], sky: Vec3::ZERO };
     }
     let size = (bounds_ws.1 - bounds_ws.0).max(Vec3::splat(1e-3));
     let area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
-    let mut flux = Vec3::ZERO;
+    let closed = 1.0 - view.share;
+    let again = MEAN_ALBEDO * closed / (1.0 - MEAN_ALBEDO * closed);
     let mut sun = Vec3::ZERO;
+    let mut radiance = [Vec4::ZERO; 3];
+    let mut add = |color: Vec3, mean: f32, gradient: Vec3| {
+        for (sum, nits) in radiance.iter_mut().zip(color.to_array()) {
+            *sum += nits * gradient.extend(mean);
+        }
+    };
     for light in lights {
         let intensity = Vec3::from(light.intensity);
-        if light.kind == LightData::DIRECTIONAL {
+        let (flux, spread) = if light.kind == LightData::DIRECTIONAL {
             sun += intensity;
-            flux += intensity * (0.25 * area * SUN_SHARE);
+            (0.25 * area * view.share.max(LEAST_OPEN), 1.0)
         } else {
-            let solid_angle = 2.0 * std::f32::consts::PI * (1.0 - light.cone_rad.cos());
-            flux += intensity * solid_angle;
+            // A cone's mean direction is shorter the wider it is; a point's is none.
+            let cosine = light.cone_rad.cos();
+            (2.0 * PI * (1.0 - cosine), 0.5 * (1.0 + cosine))
+        };
+        let first = flux * MEAN_ALBEDO / (PI * area);
+        // A surface that faces the way light travels sees the half that is lit.
+        add(intensity, first * (1.0 + again), first * spread * Vec3::from(light.direction_ws));
+    }
+    let sky = sun.max(Vec3::ZERO).element_sum() / 3.0 * SKY_PER_LUX;
+    // The linear fit to what is seen of it; behind a narrow window it would dip below zero.
+    let mean = 0.5 * view.share;
+    add(sky, mean, view.direction.clamp_length_max(mean));
+    Ambient { radiance, sky }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sun() -> LightData {
+        LightData {
+            kind: LightData::DIRECTIONAL,
+            direction_ws: [0.0, -1.0, 0.0],
+            intensity: [100_000.0; 3],
+            ..bytemuck::Zeroable::zeroed()
         }
     }
-    let ambient = flux * (MEAN_ALBEDO / (std::f32::consts::PI * area * (1.0 - MEAN_ALBEDO)));
-    (ambient, sun.max(Vec3::ZERO).element_sum() / 3.0 * SKY_PER_LUX)
+
+    fn towards(ambient: &Ambient, normal: Vec3) -> f32 {
+        ambient.radiance[1].dot(normal.extend(1.0))
+    }
+
+    #[test]
+    fn under_an_open_sky_a_face_upwards_sees_just_the_sky_and_one_downwards_the_ground() {
+        let bounds = (Vec3::ZERO, Vec3::splat(10.0));
+        let a = ambient(&IndirectSettings::default(), &[sun()], bounds, SkyView::OPEN);
+        assert!((towards(&a, Vec3::Y) / a.sky.y - 1.0).abs() < 1e-3, "{a:?}");
+        assert!(towards(&a, Vec3::NEG_Y) > 0.0);
+        assert!((a.sky.y - 6200.0).abs() < 1.0);
+    }
+
+    #[test]
+    fn no_direction_is_darker_than_black() {
+        let narrow = SkyView { share: 0.01, direction: Vec3::new(0.0095, 0.003, 0.0) };
+        let a = ambient(&IndirectSettings::default(), &[sun()], (Vec3::ZERO, Vec3::ONE), narrow);
+        for channel in a.radiance {
+            assert!(channel.truncate().length() <= channel.w * 1.0001, "{a:?}");
+        }
+    }
 }

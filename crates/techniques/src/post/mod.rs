@@ -2,7 +2,7 @@
 //!
 //! | output | format | unit |
 //! | --- | --- | --- |
-//! | sum | Rgba32Float | nits summed over frames; alpha counts them |
+//! | sum | Rgba32Float | nits summed over frames; alpha sums how much of the pixel surfaces cover |
 //! | picture | Rgba8Unorm | sRGB code values |
 //!
 //! Exposure is deterministic: a histogram of integer counts, no history.
@@ -105,7 +105,7 @@ impl Sum {
         self.frames = 0;
     }
 
-    /// The newest sum: nits summed, frames in alpha.
+    /// The newest sum: nits, and coverage by surfaces in alpha.
     pub fn texture(&self) -> &Texture {
         &self.textures[self.frames as usize % 2]
     }
@@ -161,6 +161,7 @@ pub struct Display {
     exposure: ComputePipeline,
     tone_map: ComputePipeline,
     bins: Buffer,
+    histogram_input: Buffer,
     exposure_input: Buffer,
     exposure_value: Buffer,
     curve: Buffer,
@@ -178,6 +179,7 @@ impl Display {
             exposure: plain(gpu, "post/exposure.cs.wesl")?,
             tone_map: plain(gpu, "post/tone_map.cs.wesl")?,
             bins: Buffer::new(gpu, "histogram", Life::Frame, 4 * 256, storage),
+            histogram_input: uniform::<[u32; 4]>(gpu, "histogram_input"),
             exposure_input: uniform::<[u32; 4]>(gpu, "exposure_input"),
             exposure_value: Buffer::new(gpu, "exposure", Life::Frame, 16, storage),
             curve: uniform::<[u32; 4]>(gpu, "tone_map"),
@@ -203,12 +205,15 @@ impl Display {
             Curve::Aces => 1,
             Curve::Agx => 2,
         };
-        frame.upload(&self.curve, &[[curve, 0, 0, 0]]);
+        let frames = (sum.frames.max(1) as f32).to_bits();
+        frame.upload(&self.curve, &[[curve, frames, 0, 0]]);
+        frame.upload(&self.histogram_input, &[[frames, 0, 0, 0]]);
         frame.clear(&self.bins);
         let sum_texture = ("sum", sum.texture().into());
         let bins = ("histogram", (&self.bins).into());
         let exposure = ("exposure", (&self.exposure_value).into());
-        frame.compute("post/histogram", &self.histogram, &[], &[sum_texture, bins], over(sum));
+        let binds = [sum_texture, ("histogram_input", (&self.histogram_input).into()), bins];
+        frame.compute("post/histogram", &self.histogram, &[], &binds, over(sum));
         let binds = [("exposure_input", (&self.exposure_input).into()), bins, exposure];
         frame.compute("post/exposure", &self.exposure, &[], &binds, Dispatch::Groups([1; 3]));
         let binds = [("tone_map", (&self.curve).into()), sum_texture, exposure, ("picture", picture.into())];

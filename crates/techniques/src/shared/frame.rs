@@ -23,12 +23,12 @@ pub struct FrameData {
     pub grid_slices: [f32; 2],
     pub lighting_model: u32,
     pub seed: u32,
-    pub ambient: [f32; 3],
-    pub radiance_scale: f32,
+    pub ambient: [[f32; 4]; 3],
     pub sky: [f32; 3],
+    pub radiance_scale: f32,
     pub normal_maps: u32,
     pub anisotropy: u32,
-    pub _pad: [u32; 3],
+    pub _pad: [u32; 2],
 }
 
 /// A light as shaders see it; see `frame.wesl`.

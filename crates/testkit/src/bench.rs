@@ -1,0 +1,90 @@
+//! A test's own compute shader, linked with the techniques' library.
+
+use bytemuck::Pod;
+use chiaro_gpu::shader::Permutation;
+use chiaro_gpu::wgpu::BufferUsages;
+use chiaro_gpu::{
+    Binding, Buffer, BufferReadback, ComputePipeline, Dispatch, Gpu, GpuError, Group, GroupLayout, Life, Recorder,
+};
+use chiaro_techniques::shared::albedo_table;
+use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
+use chiaro_techniques::surface::SceneGpu;
+use chiaro_techniques::shaders;
+
+/// The shared bind groups, and shaders run over them.
+#[derive(Debug)]
+pub struct Bench {
+    gpu: Gpu,
+    /// Group 0's layout.
+    pub frame_layout: GroupLayout,
+    /// Group 1's layout.
+    pub scene_layout: GroupLayout,
+    /// Group 0, with the BRDF's table filled in.
+    pub frame: FrameGroup,
+}
+
+fn need<T>(result: Result<T, GpuError>) -> T {
+    match result {
+        Ok(value) => value,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+impl Bench {
+    /// Makes the groups.
+    ///
+    /// # Panics
+    /// When the table's shader does not compile.
+    pub fn new(gpu: &Gpu) -> Self {
+        let frame_layout = FrameGroup::layout(gpu);
+        let table = albedo_table::texture(gpu);
+        let mut recorder = Recorder::new(gpu, false);
+        let mut frame = recorder.begin();
+        need(albedo_table::record(&mut frame, &table));
+        frame.submit();
+        let frame = FrameGroup::new(gpu, &frame_layout, &table);
+        Self { gpu: gpu.clone(), scene_layout: SceneGpu::layout(gpu), frame_layout, frame }
+    }
+
+    /// Fills the frame's uniform for the shaders that follow.
+    pub fn set_frame(&self, data: &FrameData) {
+        self.gpu.queue.write_buffer(self.frame.frame.raw(), 0, bytemuck::bytes_of(data));
+    }
+
+    /// A buffer for a shader's inputs.
+    pub fn buffer<T: Pod>(&self, name: &'static str, data: &[T]) -> Buffer {
+        Buffer::with_data(&self.gpu, name, data, BufferUsages::STORAGE)
+    }
+
+    /// Runs one shader: `shader` is its path (`tests/….cs.wesl`) and text, `inputs` fill its group 2, and its group 3
+    /// holds `var<storage, read_write> output` of `count` elements, which come back.
+    ///
+    /// # Panics
+    /// When the shader does not compile, or the device fails.
+    pub fn run<T: Pod>(
+        &self,
+        shader: (&'static str, &'static str),
+        constants: &[(&str, f64)],
+        scene: Option<&SceneGpu>,
+        inputs: &[(&'static str, Binding<'_>)],
+        (dispatch, count): (Dispatch<'_>, usize),
+    ) -> Vec<T> {
+        let library = shaders::library().with(&[shader]);
+        let layouts = [&self.frame_layout, &self.scene_layout];
+        let entry = Permutation::plain(shader.0);
+        let pipeline = need(ComputePipeline::new(&self.gpu, &library, &entry, &layouts, constants));
+        let bytes = (count * size_of::<T>()) as u64;
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+        let output = Buffer::new(&self.gpu, "output", Life::Kept, bytes, usage);
+        let mut groups: Vec<&Group> = vec![self.frame.group()];
+        groups.extend(scene.map(SceneGpu::group));
+        let mut binds = inputs.to_vec();
+        binds.push(("output", (&output).into()));
+        let mut recorder = Recorder::new(&self.gpu, false);
+        let mut frame = recorder.begin();
+        frame.compute("test", &pipeline, &groups, &binds, dispatch);
+        frame.submit();
+        let words = need(BufferReadback::start(&self.gpu, &output).wait(&self.gpu));
+        bytemuck::pod_collect_to_vec(&words[..bytes as usize])
+    }
+}

@@ -1,0 +1,112 @@
+//! Pictures of scenes in nits.
+
+use chiaro::scene::Scene;
+use chiaro::{Aov, Gpu, LoadedScene, Renderer, Settings, StillOptions, View};
+use chiaro_image::{CompareOptions, Comparison, Image, Picture};
+
+/// Settings for direct light alone, with single settings changed.
+///
+/// # Panics
+/// When a key or value is wrong.
+pub fn direct(changes: &[(&str, &str)]) -> Settings {
+    let mut settings = Settings::default();
+    let preset = settings.apply_preset("direct", None);
+    let changed = preset.and_then(|()| changes.iter().try_for_each(|(key, value)| settings.set(key, value)));
+    if let Err(error) = changed {
+        panic!("{error}");
+    }
+    settings
+}
+
+/// A renderer and the pictures it takes.
+#[derive(Debug)]
+pub struct Studio {
+    gpu: Gpu,
+    /// The renderer.
+    pub renderer: Renderer,
+}
+
+/// Unwraps what a test cannot go on without.
+fn need<T>(result: Result<T, impl std::fmt::Display>) -> T {
+    match result {
+        Ok(value) => value,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+impl Studio {
+    /// Compiles the passes.
+    ///
+    /// # Panics
+    /// When the settings do not go together.
+    pub fn new(gpu: &Gpu, settings: Settings) -> Self {
+        Self { gpu: gpu.clone(), renderer: need(Renderer::new(gpu, settings)) }
+    }
+
+    /// Changes settings.
+    ///
+    /// # Panics
+    /// When they do not go together.
+    pub fn set(&mut self, settings: Settings) {
+        need(self.renderer.set(settings));
+    }
+
+    /// Uploads a scene.
+    ///
+    /// # Panics
+    /// When it does not fit the adapter.
+    pub fn load(&mut self, scene: &Scene) -> LoadedScene {
+        need(self.renderer.load(scene))
+    }
+
+    /// The mean radiance of `samples` frames, nits.
+    ///
+    /// # Panics
+    /// When the device fails.
+    pub fn radiance(&mut self, scene: &LoadedScene, view: &View, size: [u32; 2], samples: u32) -> Image {
+        let options = StillOptions { size, samples, aovs: Vec::new() };
+        let still = need(self.renderer.still(scene, view, &options));
+        image(&need(still.radiance.wait(&self.gpu)))
+    }
+
+    /// The mean of one quantity over `samples` frames.
+    ///
+    /// # Panics
+    /// When the device fails.
+    pub fn aov(&mut self, scene: &LoadedScene, view: &View, size: [u32; 2], samples: u32, aov: Aov) -> Image {
+        let options = StillOptions { size, samples, aovs: vec![aov] };
+        let mut still = need(self.renderer.still(scene, view, &options));
+        let Some((_, readback)) = still.aovs.pop() else { panic!("no {aov:?} came back") };
+        image(&need(readback.wait(&self.gpu)))
+    }
+
+    /// The tone-mapped picture.
+    ///
+    /// # Panics
+    /// When the device fails.
+    pub fn picture(&mut self, scene: &LoadedScene, view: &View, size: [u32; 2], samples: u32) -> Picture {
+        let options = StillOptions { size, samples, aovs: Vec::new() };
+        let still = need(self.renderer.still(scene, view, &options));
+        let pixels = need(still.picture.wait(&self.gpu));
+        let (texels, _) = pixels.bytes.as_chunks::<4>();
+        need(Picture::from_bytes(pixels.width, pixels.height, texels.iter().flat_map(|t| &t[..3]).copied().collect()))
+    }
+}
+
+/// Sums of RGB with the number of frames in alpha, as means.
+fn image(pixels: &chiaro::Pixels) -> Image {
+    let floats = pixels.floats();
+    let (texels, _) = floats.as_chunks::<4>();
+    let means = texels.iter().map(|&[r, g, b, frames]| [r, g, b].map(|sum| sum / frames.max(1.0)));
+    need(Image::from_pixels(pixels.width, pixels.height, means.collect()))
+}
+
+/// Mean |A − B| over mean B.
+///
+/// # Panics
+/// When the sizes differ or B is black.
+pub fn nmae(a: &Image, b: &Image) -> f64 {
+    let metrics = need(Comparison::new(a, b, &CompareOptions::default())).metrics();
+    assert_eq!(metrics.not_finite, 0, "values that are not finite");
+    metrics.nmae
+}

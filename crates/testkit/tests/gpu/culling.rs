@@ -1,0 +1,210 @@
+//! Cluster culling against the CPU and against drawing everything.
+
+use bytemuck::{Pod, Zeroable};
+use chiaro::scene::{self, Scene};
+use chiaro::View;
+use chiaro_gpu::{Buffer, Dispatch, Gpu, Recorder, TexturePool};
+use chiaro_techniques::shared::frame::FrameData;
+use chiaro_techniques::surface::culling::{CullView, Culling, DrawLists};
+use chiaro_techniques::surface::scene::CLASSES;
+use chiaro_techniques::surface::{SceneGpu, Surfaces};
+use chiaro_testkit::{Bench, Stage, Studio, camera_above, device, direct};
+use glam::{Affine3A, Mat4, Vec2, Vec3, Vec4};
+
+/// Numbers that are the same every time (Steele & Vigna's SplitMix64).
+pub struct Random(u64);
+
+impl Random {
+    pub fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    pub fn within(&mut self, lo: f32, hi: f32) -> f32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        let unit = ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32;
+        lo + (hi - lo) * unit
+    }
+}
+
+const SIZE: [u32; 2] = [96, 64];
+
+fn random_views(scene: &Scene, count: usize) -> Vec<View> {
+    let (lo, hi) = scene.bounds().unwrap();
+    let mut random = Random::new(5);
+    let mut point = || {
+        let mut axis = |i: usize| random.within(lo[i], hi[i]);
+        Vec3::new(axis(0), axis(1), axis(2))
+    };
+    (0..count).map(|i| View::look_at(point(), point(), 0.4 + 0.2 * i as f32, 0.05)).collect()
+}
+
+fn cull_view(view: &View, drop_back_faces: bool) -> CullView {
+    let clip_from_ws = view.clip_from_ws(SIZE, Vec2::ZERO);
+    CullView::new(&clip_from_ws, view.eye_ws().extend(1.0), drop_back_faces, false)
+}
+
+/// Planes without a normal: everything is inside.
+fn everything() -> CullView {
+    CullView::new(&Mat4::ZERO, Vec4::W, false, false)
+}
+
+/// A buffer's words, whatever its usage.
+fn words(bench: &Bench, buffer: &Buffer, count: usize) -> Vec<u32> {
+    let shader = ("tests/words.cs.wesl", include_str!("wesl/words.cs.wesl"));
+    let rows = (count as u32).div_ceil(64 * 1024);
+    let work = (Dispatch::Groups([(count as u32).div_ceil(64).clamp(1, 1024), rows.max(1), 1]), count);
+    bench.run(shader, &[], None, &[("input", buffer.into())], work)
+}
+
+/// Items of a view's draw list, one a triangle, class after class.
+fn listed(bench: &Bench, lists: &DrawLists, view: usize, triangles: u32) -> Vec<u32> {
+    let arguments = words(bench, &lists.arguments, 5 * CLASSES * (view + 1));
+    let list = words(bench, &lists.list, 3 * triangles as usize * (view + 1));
+    let mut items = Vec::new();
+    for class in 0..CLASSES {
+        let [count, instances, first, ..] = arguments[5 * (view * CLASSES + class)..][..5] else { unreachable!() };
+        assert_eq!((count % 3, instances), (0, 1));
+        let entries = &list[first as usize..(first + count) as usize];
+        for corners in entries.chunks(3) {
+            assert!(corners.iter().all(|corner| corner >> 8 == corners[0] >> 8), "corners of one item");
+            items.push(corners[0] >> 8);
+        }
+    }
+    items
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Sphere {
+    center: Vec3,
+    radius: f32,
+    triangles: u32,
+    pad: [u32; 3],
+}
+
+#[test]
+fn a_views_draw_list_is_that_of_the_cpu_in_the_scenes_order_every_time() {
+    let scene = scene::load("builtin:nave").unwrap();
+    let gpu = device();
+    let bench = Bench::new(&gpu);
+    let uploaded = SceneGpu::upload(&gpu, &bench.scene_layout, &scene).unwrap();
+    let shader = ("tests/spheres.cs.wesl", include_str!("wesl/spheres.cs.wesl"));
+    let count = uploaded.item_count as usize;
+    let work = (Dispatch::Threads([uploaded.item_count, 1, 1]), count);
+    let spheres: Vec<Sphere> = bench.run(shader, &[], Some(&uploaded), &[], work);
+
+    let mut culling = Culling::new(&gpu, &bench.scene_layout).unwrap();
+    let views: Vec<_> = random_views(&scene, 6).iter().map(|view| cull_view(view, false)).collect();
+    culling.reserve(&gpu, &uploaded, views.len());
+    let mut before: Vec<Vec<u32>> = Vec::new();
+    for run in 0..2 {
+        let mut recorder = Recorder::new(&gpu, false);
+        let mut frame = recorder.begin();
+        let lists = culling.record(&mut frame, ["count", "scan", "expand"], &uploaded, &views);
+        frame.submit();
+        for (index, view) in views.iter().enumerate() {
+            let found = listed(&bench, &lists, index, uploaded.triangle_count);
+            let mut expected = Vec::new();
+            let mut doubtful = Vec::new();
+            for (item, sphere) in (0u32..).zip(&spheres) {
+                // Where rounding decides, either answer is right.
+                let (more, less) = (sphere.radius * 1.0001 + 1e-5, sphere.radius * 0.9999 - 1e-5);
+                if view.sees(sphere.center, more) != view.sees(sphere.center, less) {
+                    doubtful.push(item);
+                } else if view.sees(sphere.center, sphere.radius) {
+                    expected.extend(std::iter::repeat_n(item, sphere.triangles as usize));
+                }
+            }
+            let certain: Vec<_> = found.iter().copied().filter(|item| !doubtful.contains(item)).collect();
+            assert_eq!(certain, expected, "view {index}");
+            let all = uploaded.triangle_count as usize;
+            assert!(!expected.is_empty() && expected.len() < all, "the view must cut the scene, not hold all {all}");
+            if run == 0 {
+                before.push(found);
+            } else {
+                assert_eq!(found, before[index], "view {index} in another run");
+            }
+        }
+    }
+}
+
+/// The packed surface buffer as a view sees the scene, drawn from the clusters that `cull` keeps.
+struct Surveyor<'a> {
+    gpu: &'a Gpu,
+    bench: Bench,
+    surfaces: Surfaces,
+}
+
+impl Surveyor<'_> {
+    fn surface(&mut self, scene: &SceneGpu, view: &View, cull: &CullView) -> Vec<[u32; 4]> {
+        let data = FrameData {
+            clip_from_ws: view.clip_from_ws(SIZE, Vec2::ZERO).to_cols_array_2d(),
+            relative_from_clip: view.relative_from_clip(SIZE, Vec2::ZERO).to_cols_array_2d(),
+            eye_ws: view.eye_ws().to_array(),
+            forward_ws: view.forward_ws().to_array(),
+            footprint_scale: 1.0,
+            size_px: SIZE,
+            anisotropy: 1,
+            ..FrameData::zeroed()
+        };
+        self.bench.set_frame(&data);
+        self.surfaces.reserve(self.gpu, &TexturePool::default(), scene, SIZE);
+        let mut recorder = Recorder::new(self.gpu, false);
+        let mut frame = recorder.begin();
+        let lists = self.surfaces.cull(&mut frame, scene, cull);
+        let buffer = self.surfaces.record(&mut frame, self.bench.frame.group(), scene, &lists);
+        frame.submit();
+        let shader = ("tests/texels.cs.wesl", include_str!("wesl/texels.cs.wesl"));
+        let work = (Dispatch::Threads([SIZE[0], SIZE[1], 1]), (SIZE[0] * SIZE[1]) as usize);
+        self.bench.run(shader, &[], None, &[("surface", (&buffer.surface).into())], work)
+    }
+}
+
+#[test]
+fn culling_loses_no_visible_triangle() {
+    let gpu = device();
+    let scene = scene::load("builtin:nave").unwrap();
+    let bench = Bench::new(&gpu);
+    let uploaded = SceneGpu::upload(&gpu, &bench.scene_layout, &scene).unwrap();
+    let surfaces = Surfaces::new(&gpu, &bench.frame_layout, &bench.scene_layout, uploaded.facts).unwrap();
+    let mut surveyor = Surveyor { gpu: &gpu, bench, surfaces };
+    for (index, view) in random_views(&scene, 5).iter().enumerate() {
+        let all = surveyor.surface(&uploaded, view, &everything());
+        let culled = surveyor.surface(&uploaded, view, &cull_view(view, true));
+        let differing = all.iter().zip(&culled).filter(|(a, b)| a != b).count();
+        assert_eq!(differing, 0, "pixels of view {index}");
+        let seen = all.iter().filter(|texel| texel[1] >> 30 != 3).count();
+        assert!(seen > 100, "view {index} shows only {seen} pixels of the scene");
+    }
+}
+
+#[test]
+fn a_mirrored_instance_keeps_its_front() {
+    let gpu = device();
+    let mut studio = Studio::new(&gpu, direct(&[("shadow.layout", "none")]));
+    for mirror in [Vec3::new(-1.0, 1.0, 1.0), Vec3::new(1.0, 1.0, -1.0), Vec3::new(1.0, -1.0, 1.0)] {
+        let mut stage = Stage::new();
+        let single_sided = chiaro::scene::Material { specular: 0.0, ..Default::default() };
+        let material = stage.material(single_sided);
+        // Off the middle, so that the mirrored quad stands elsewhere; facing up.
+        stage.quad(Vec3::new(0.5, 0.0, -0.25), Vec3::X * 0.25, Vec3::NEG_Z * 0.25, material);
+        let mesh = stage.scene.meshes[0].clone();
+        stage.scene.nodes.clear();
+        stage.scene.meshes.clear();
+        stage.place(mesh, Affine3A::from_scale(mirror));
+        stage.sun(std::f32::consts::PI, Vec3::NEG_Y);
+        stage.sun(std::f32::consts::PI * 0.25, Vec3::Y);
+        let scene = studio.load(&stage.scene);
+        let image = studio.radiance(&scene, &camera_above(1.0), [64, 64], 1);
+        let center = Vec3::new(0.5, 0.0, -0.25) * mirror;
+        let at = |x: f32| ((x + 1.0) * 32.0) as u32;
+        let found = image.pixel(at(center.x), at(center.z))[0];
+        // Turned upside down its front looks down: single-sided, it is not seen from above.
+        let expected = if mirror.y < 0.0 { 0.0 } else { 1.0 };
+        // Half-float radiance.
+        assert!((found - expected).abs() < 2e-3, "{mirror}: {found} is not {expected}");
+    }
+}

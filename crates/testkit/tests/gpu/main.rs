@@ -1,0 +1,13 @@
+//! Tests that need a GPU: functions against quadrature and formulas, analytic scenes through the whole renderer,
+//! pipelines against each other, references, goldens.
+
+mod brdf;
+mod culling;
+mod goldens;
+mod lights;
+mod pipelines;
+mod references;
+mod robust;
+mod shadows;
+mod surface;
+mod textures;

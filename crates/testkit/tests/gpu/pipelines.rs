@@ -1,0 +1,128 @@
+//! Pipelines, runs and devices against each other.
+
+use chiaro::scene;
+use chiaro::{Gpu, Pipeline, Recorder, Settings, View};
+use chiaro_image::Image;
+use chiaro_testkit::{Studio, device, device_guaranteed, device_of_its_own, nmae};
+use glam::Vec2;
+
+const SIZE: [u32; 2] = [96, 64];
+const SAMPLES: u32 = 16;
+
+fn settings(pipeline: Pipeline, msaa: &str) -> Settings {
+    let mut settings = Settings { pipeline, ..Settings::default() };
+    settings.set("surface.msaa", msaa).unwrap();
+    settings.set("shadow.resolution", "1024").unwrap();
+    settings
+}
+
+fn picture(gpu: &Gpu, name: &str, settings: Settings) -> Image {
+    let mut scene = scene::load(name).unwrap();
+    scene.add_default_view();
+    let view = View::from_scene(&scene, 0).unwrap();
+    let mut studio = Studio::new(gpu, settings);
+    let loaded = studio.load(&scene);
+    studio.radiance(&loaded, &view, SIZE, SAMPLES)
+}
+
+fn assert_pipelines_agree(name: &str) {
+    let gpu = device();
+    let deferred = picture(&gpu, name, settings(Pipeline::Deferred, "1"));
+    let forward = picture(&gpu, name, settings(Pipeline::Forward, "1"));
+    let distance = nmae(&forward, &deferred);
+    // The surface buffer's bits: 10 of √ colour, 8 of roughness, 16 of each normal's coordinates.
+    assert!(distance < 0.005, "{name}: {distance}");
+    assert!(distance > 0.0, "{name}: the two pipelines cannot be equal to the bit; was one rendered twice?");
+}
+
+#[test]
+fn forward_and_deferred_show_the_same_cornell_box() {
+    assert_pipelines_agree("builtin:cornell");
+}
+
+#[test]
+fn forward_and_deferred_show_the_same_nave() {
+    assert_pipelines_agree("builtin:nave");
+}
+
+#[test]
+fn multisampling_only_smooths() {
+    let gpu = device();
+    let one = picture(&gpu, "builtin:cornell", settings(Pipeline::Forward, "1"));
+    let four = picture(&gpu, "builtin:cornell", settings(Pipeline::Forward, "4"));
+    let distance = nmae(&four, &one);
+    // Sixteen jittered frames smooth edges already; four times as many samples move them by a few percent of a pixel.
+    assert!(distance < 0.01, "{distance}");
+}
+
+#[test]
+fn the_same_settings_give_the_same_bits() {
+    let gpu = device();
+    for pipeline in [Pipeline::Deferred, Pipeline::Forward] {
+        let [a, b] = [0, 1].map(|_| picture(&gpu, "builtin:cornell", settings(pipeline, "4")));
+        assert!(a == b, "{pipeline:?}: two runs differ by {}", nmae(&a, &b));
+    }
+}
+
+fn assert_guaranteed_is_enough(name: &str) {
+    let (full, guaranteed) = (device(), device_guaranteed());
+    assert!(!guaranteed.optional.primitive_index && !guaranteed.optional.depth_clip_control);
+    for (pipeline, msaa) in [(Pipeline::Deferred, "1"), (Pipeline::Forward, "4")] {
+        let reference = picture(&full, name, settings(pipeline, msaa));
+        let distance = nmae(&picture(&guaranteed, name, settings(pipeline, msaa)), &reference);
+        // Shared vertices or not, clamped depth or not: the same triangles, so only rounding may differ.
+        assert!(distance <= 1e-3, "{name} {pipeline:?}: {distance}");
+    }
+}
+
+#[test]
+fn the_cornell_box_renders_the_same_on_guaranteed_webgpu() {
+    assert_guaranteed_is_enough("builtin:cornell");
+}
+
+#[test]
+fn the_nave_renders_the_same_on_guaranteed_webgpu() {
+    assert_guaranteed_is_enough("builtin:nave");
+}
+
+#[test]
+fn a_steady_frame_allocates_nothing() {
+    let gpu = device_of_its_own();
+    let mut scene = scene::load("builtin:cornell").unwrap();
+    scene.add_default_view();
+    let mut view = View::from_scene(&scene, 0).unwrap();
+    for (pipeline, msaa) in [(Pipeline::Deferred, "1"), (Pipeline::Forward, "4")] {
+        let mut studio = Studio::new(&gpu, settings(pipeline, msaa));
+        let loaded = studio.load(&scene);
+        let mut recorder = Recorder::new(&gpu, false);
+        let mut steady = None;
+        for index in 0..40 {
+            // The camera moves, as it does where frames follow each other.
+            view.world_from_camera.w_axis.x += 0.01;
+            studio.renderer.prepare(&loaded, &view, SIZE, Vec2::ZERO, 1.0);
+            let mut frame = recorder.begin();
+            let _ = studio.renderer.frame(&mut frame, &loaded, false);
+            frame.submit();
+            // Waiting hands staging memory back, as frames that are presented do in time.
+            recorder.wait().unwrap();
+            let hal = gpu.device.get_internal_counters().hal;
+            let found = [
+                gpu.created.total() as isize,
+                hal.buffer_memory.read(),
+                hal.texture_memory.read(),
+                hal.buffers.read(),
+                hal.textures.read(),
+                hal.texture_views.read(),
+                hal.bind_groups.read(),
+                hal.render_pipelines.read() + hal.compute_pipelines.read(),
+                hal.memory_allocations.read(),
+            ];
+            if index == 3 {
+                assert!(found.iter().all(|&count| count > 0), "counters are off: {found:?}");
+                steady = Some(found);
+            } else if let Some(steady) = steady {
+                assert_eq!(found, steady, "{pipeline:?}, frame {index}");
+            }
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! The surface buffer's packing, octahedral vectors, sRGB.
+
+use chiaro_gpu::Dispatch;
+use chiaro_testkit::{Bench, device};
+use glam::Vec3;
+
+use crate::culling::Random;
+
+const FLOATS: usize = 20;
+
+/// Random unit vectors after those where octahedra fold: axes, diagonals, edges.
+fn unit_vectors(count: usize, random: &mut Random) -> Vec<Vec3> {
+    let mut all = Vec::new();
+    for x in [-1.0, 0.0, 1.0] {
+        for y in [-1.0, 0.0, 1.0] {
+            for z in [-1.0, 0.0, 1.0] {
+                all.extend(Vec3::new(x, y, z).try_normalize());
+            }
+        }
+    }
+    while all.len() < count {
+        let mut axis = || random.within(-1.0, 1.0);
+        let v = Vec3::new(axis(), axis(), axis());
+        if v.length() > 0.1 && v.length() <= 1.0 {
+            all.push(v.normalize());
+        }
+    }
+    all
+}
+
+/// Precise for small angles, where the dot product is not.
+fn angle(a: Vec3, b: Vec3) -> f32 {
+    a.cross(b).length().atan2(a.dot(b))
+}
+
+#[test]
+fn a_packed_surface_comes_back_within_its_bits() {
+    let mut random = Random::new(1);
+    let normals = unit_vectors(2048, &mut random);
+    let mut input = Vec::new();
+    for (i, normal) in normals.iter().enumerate() {
+        let mut unit = || match i % 3 {
+            // Ends of the range must come back exactly.
+            0 => random.within(0.0, 2.0).floor(),
+            _ => random.within(0.0, 1.0),
+        };
+        let geometric = normals[(i * 7 + 3) % normals.len()];
+        input.extend(normal.to_array());
+        input.extend(geometric.to_array());
+        input.extend(std::iter::repeat_with(&mut unit).take(10));
+        input.extend([(i % 3) as f32, (i % 2) as f32, 0.0, 0.0]);
+    }
+    let gpu = device();
+    let bench = Bench::new(&gpu);
+    let buffer = bench.buffer("surfaces", &input);
+    let shader = ("tests/surface.cs.wesl", include_str!("wesl/surface.cs.wesl"));
+    let work = (Dispatch::Threads([normals.len() as u32, 1, 1]), input.len());
+    let output: Vec<f32> = bench.run(shader, &[], None, &[("input", (&buffer).into())], work);
+    let vector = |of: &[f32], at: usize| Vec3::from_slice(&of[at..]);
+    // Half a step of each quantity, plus rounding of f32.
+    let half = |steps: f32| 0.5 / steps + 1e-5;
+    for (i, (a, b)) in input.chunks(FLOATS).zip(output.chunks(FLOATS)).enumerate() {
+        // 2⁻¹⁶ of the octahedron's edge spans at most √2·√3 times that on the sphere.
+        assert!(angle(vector(a, 0), vector(b, 0)) < 1.2e-4, "normal {i}: {:?} {:?}", &a[..3], &b[..3]);
+        assert!(angle(vector(a, 3), vector(b, 3)) < 0.03, "geometric normal {i}: {:?} {:?}", &a[3..6], &b[3..6]);
+        for channel in 0..3 {
+            let at = 6 + channel;
+            assert!((a[at].sqrt() - b[at].sqrt()).abs() < half(1023.0), "colour {i}: {} {}", a[at], b[at]);
+            let steps = [31.0, 63.0, 31.0][channel];
+            let at = 9 + channel;
+            assert!((a[at] - b[at]).abs() < half(steps), "specular colour {i}: {} {}", a[at], b[at]);
+        }
+        for at in 12..16 {
+            assert!((a[at] - b[at]).abs() < half(255.0), "quantity {at} of {i}: {} {}", a[at], b[at]);
+        }
+        assert_eq!(a[16..18], b[16..18], "kind and flag of {i}");
+        if i % 3 == 0 {
+            assert_eq!(a[6..16], b[6..16], "0 and 1 of {i} are exact");
+        }
+    }
+}
+
+#[test]
+fn octahedral_vectors_frames_and_srgb_are_what_they_are_called() {
+    let mut random = Random::new(2);
+    let vectors = unit_vectors(4096, &mut random);
+    let input: Vec<[f32; 4]> =
+        vectors.iter().enumerate().map(|(i, v)| v.extend(i as f32 / 4095.0).to_array()).collect();
+    let gpu = device();
+    let bench = Bench::new(&gpu);
+    let buffer = bench.buffer("input", &input);
+    let shader = ("tests/small_functions.cs.wesl", include_str!("wesl/small_functions.cs.wesl"));
+    let work = (Dispatch::Threads([input.len() as u32, 1, 1]), input.len());
+    let output: Vec<[[f32; 4]; 5]> = bench.run(shader, &[], None, &[("input", (&buffer).into())], work);
+    for (given, [exact, snorm16, x, y, srgb]) in input.iter().zip(output) {
+        let of = |v: [f32; 4]| Vec3::from_slice(&v);
+        let n = Vec3::from_slice(given);
+        assert!(angle(n, of(exact)) < 1e-6, "{n} became {exact:?}");
+        // 0.007°: half a step of 2⁻¹⁵ per axis, stretched by at most √3 where the octahedron is nearest the centre.
+        assert!(angle(n, of(snorm16)) < 1.2e-4, "{n} became {snorm16:?}");
+        let (x, y) = (of(x), of(y));
+        let square = x.dot(y).abs() + x.dot(n).abs() + y.dot(n).abs();
+        assert!(square < 1e-5 && (x.length() - 1.0).abs() < 1e-5 && x.cross(y).dot(n) > 0.999, "{n}: {x} {y}");
+        let c = given[3];
+        let expected = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+        // Drivers' pow is exact to a few units in the last place of its logarithm.
+        assert!((srgb[0] - expected).abs() < 2e-5, "{c}: {} is not {expected}", srgb[0]);
+    }
+}

@@ -1,0 +1,162 @@
+//! Sampling of material textures: wrap modes, filters, mip levels, anisotropy.
+
+use bytemuck::{Pod, Zeroable};
+use chiaro::scene::{Filter, Material, Wrap};
+use chiaro_gpu::Dispatch;
+use chiaro_techniques::shared::frame::FrameData;
+use chiaro_techniques::surface::SceneGpu;
+use chiaro_testkit::{Bench, Stage, device};
+use glam::{Vec2, Vec3};
+
+use crate::culling::Random;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Point {
+    uv: Vec2,
+    dx: Vec2,
+    dy: Vec2,
+}
+
+/// A texture's red channel at points, each 0..1.
+fn sample(image: &Image, wrap: [Wrap; 2], filter: Filter, anisotropy: u32, points: &[Point]) -> Vec<f32> {
+    let mut stage = Stage::new();
+    let rgba = image.texels.iter().flat_map(|&v| [v, v, v, 255]).collect();
+    let texture = stage.texture(image.side as u32, wrap, filter, rgba);
+    let material = stage.material(Material { metallic_roughness_texture: Some(texture), ..Material::default() });
+    stage.quad(Vec3::ZERO, Vec3::X, Vec3::Y, material);
+    let gpu = device();
+    let bench = Bench::new(&gpu);
+    bench.set_frame(&FrameData { anisotropy, ..FrameData::zeroed() });
+    let scene = SceneGpu::upload(&gpu, &bench.scene_layout, &stage.scene).unwrap();
+    let buffer = bench.buffer("points", points);
+    let shader = ("tests/texture.cs.wesl", include_str!("wesl/texture.cs.wesl"));
+    let work = (Dispatch::Threads([points.len() as u32, 1, 1]), points.len());
+    let constants = [("SIZE_CLASSES", 1.0)];
+    let output: Vec<[f32; 4]> = bench.run(shader, &constants, Some(&scene), &[("points", (&buffer).into())], work);
+    output.into_iter().map(|texel| texel[0]).collect()
+}
+
+/// A square grey image.
+struct Image {
+    side: i32,
+    texels: Vec<u8>,
+}
+
+impl Image {
+    fn random(side: i32) -> Self {
+        let mut random = Random::new(3);
+        Self { side, texels: (0..side * side).map(|_| random.within(0.0, 256.0) as u8).collect() }
+    }
+
+    fn texel(&self, wrap: [Wrap; 2], x: i32, y: i32) -> f32 {
+        let axis = |i: i32, wrap| match wrap {
+            Wrap::Repeat => i.rem_euclid(self.side),
+            Wrap::Clamp => i.clamp(0, self.side - 1),
+            Wrap::Mirror => {
+                let i = i.rem_euclid(2 * self.side);
+                i.min(2 * self.side - 1 - i)
+            }
+        };
+        let (x, y) = (axis(x, wrap[0]), axis(y, wrap[1]));
+        f32::from(self.texels[(y * self.side + x) as usize]) / 255.0
+    }
+
+    fn bilinear(&self, wrap: [Wrap; 2], uv: Vec2) -> f32 {
+        let at = uv * self.side as f32 - 0.5;
+        let (low, f) = (at.floor().as_ivec2(), at - at.floor());
+        let row = |y: i32| {
+            let (a, b) = (self.texel(wrap, low.x, y), self.texel(wrap, low.x + 1, y));
+            a + (b - a) * f.x
+        };
+        row(low.y) + (row(low.y + 1) - row(low.y)) * f.y
+    }
+
+    /// Mean of the texels in a rectangle.
+    fn mean(&self, x: std::ops::Range<i32>, y: std::ops::Range<i32>) -> f32 {
+        let texels = y.flat_map(|y| x.clone().map(move |x| (x, y)));
+        let values: Vec<_> = texels.map(|(x, y)| self.texel([Wrap::Repeat; 2], x, y)).collect();
+        values.iter().sum::<f32>() / values.len() as f32
+    }
+}
+
+const WRAPS: [Wrap; 3] = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp];
+
+fn points_around(count: usize) -> Vec<Point> {
+    let mut random = Random::new(4);
+    let mut uv = || Vec2::new(random.within(-2.5, 3.5), random.within(-2.5, 3.5));
+    (0..count).map(|_| Point { uv: uv(), dx: Vec2::ZERO, dy: Vec2::ZERO }).collect()
+}
+
+#[test]
+fn textures_repeat_mirror_and_clamp_by_axis() {
+    let image = Image::random(8);
+    let points = points_around(512);
+    for wrap in WRAPS.into_iter().flat_map(|u| WRAPS.map(|v| [u, v])) {
+        let nearest = sample(&image, wrap, Filter::Nearest, 16, &points);
+        let linear = sample(&image, wrap, Filter::Linear, 16, &points);
+        for ((point, nearest), linear) in points.iter().zip(nearest).zip(linear) {
+            let at = (point.uv * 8.0).floor().as_ivec2();
+            let texel = image.texel(wrap, at.x, at.y);
+            // Points within rounding of a texel's edge may fall to either side.
+            let edge = (point.uv * 8.0 - (point.uv * 8.0).round()).abs().min_element();
+            if edge > 1e-4 {
+                assert!((nearest - texel).abs() < 1e-3, "{wrap:?} {}: {nearest} is not texel {texel}", point.uv);
+            }
+            let blend = image.bilinear(wrap, point.uv);
+            // Samplers keep at least 6 bits between texels (8 in practice), on either axis.
+            assert!((linear - blend).abs() < 0.01, "{wrap:?} {}: {linear} is not {blend}", point.uv);
+        }
+    }
+}
+
+#[test]
+fn a_footprint_of_a_power_of_two_texels_shows_that_mip_level() {
+    let image = Image::random(64);
+    let mut points = Vec::new();
+    let mut expected = Vec::new();
+    for level in 0..=6 {
+        let size = 1 << level;
+        for block in 0..(64 / size).min(8) {
+            let corner = (block * size, (block * 3 % (64 / size)) * size);
+            let uv = Vec2::new((corner.0 as f32 + 0.5 * size as f32) / 64.0, (corner.1 as f32 + 0.5 * size as f32) / 64.0);
+            let step = size as f32 / 64.0;
+            points.push(Point { uv, dx: Vec2::new(0.0, step), dy: Vec2::new(-step, 0.0) });
+            expected.push((image.mean(corner.0..corner.0 + size, corner.1..corner.1 + size), level));
+        }
+    }
+    let found = sample(&image, [Wrap::Repeat; 2], Filter::Linear, 16, &points);
+    for (found, (expected, level)) in found.into_iter().zip(expected) {
+        // Each level is rounded to 8 bits; levels and texels are blended with at least 6 bits.
+        assert!((found - expected).abs() < 0.012, "level {level}: {found} is not {expected}");
+    }
+}
+
+#[test]
+fn a_slanted_footprint_averages_along_its_longer_side_only() {
+    let image = Image::random(64);
+    let row = 21;
+    let uv = Vec2::new(24.0 / 64.0, (row as f32 + 0.5) / 64.0);
+    let texel = 1.0 / 64.0;
+    let along = Point { uv, dx: Vec2::new(8.0 * texel, 0.0), dy: Vec2::new(0.0, texel) };
+    let swapped = Point { uv, dx: along.dy, dy: -along.dx };
+    // The same ellipse by other axes: (a + b)/√2 and (a − b)/√2.
+    let turned = {
+        let (a, b) = (along.dx, along.dy);
+        Point { uv, dx: (a + b) * std::f32::consts::FRAC_1_SQRT_2, dy: (a - b) * std::f32::consts::FRAC_1_SQRT_2 }
+    };
+    let points = [along, swapped, turned];
+    let line = image.mean(20..28, row..row + 1);
+    for found in sample(&image, [Wrap::Repeat; 2], Filter::Linear, 16, &points) {
+        // Taps stand on texel centres; 6 bits of blending each.
+        assert!((found - line).abs() < 0.012, "{found} is not {line}");
+    }
+    // Without anisotropy one tap covers it: the mip level of the longer side, blended between four blocks of 8².
+    let pair = |y: i32| 0.5 * (image.mean(16..24, y..y + 8) + image.mean(24..32, y..y + 8));
+    let share = (row as f32 + 0.5 - 20.0) / 8.0;
+    let block = pair(16) + (pair(24) - pair(16)) * share;
+    for found in sample(&image, [Wrap::Repeat; 2], Filter::Linear, 1, &points) {
+        assert!((found - block).abs() < 0.012, "{found} is not {block}");
+    }
+    assert!((block - line).abs() > 0.03, "the image must tell a line from a block");
+}
