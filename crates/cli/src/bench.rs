@@ -83,7 +83,10 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
             triangles: session.scene.gpu.triangle_count,
             scene_bytes: session.scene.gpu.bytes,
             size: session.size,
-            settings: Settings::fields().into_iter().filter_map(|f| Some((f.key.clone(), settings.get(&f.key)?))).collect(),
+            settings: Settings::fields()
+                .into_iter()
+                .filter_map(|f| Some((f.key.clone(), settings.get(&f.key)?)))
+                .collect(),
             pipeline: format!("{:?}", settings.pipeline).to_lowercase(),
             wall_ms_per_frame,
             objects_created_after_frame_3,

@@ -12,8 +12,10 @@ use crate::timings::Machine;
 
 pub fn scenes(args: &ListArgs) -> anyhow::Result<()> {
     if args.json {
-        let rows: Vec<_> =
-            scene::builtin::SCENES.iter().map(|(name, about)| json!({ "name": name, "about": about })).collect();
+        let rows: Vec<_> = scene::builtin::SCENES
+            .iter()
+            .map(|(name, about)| json!({ "name": name, "about": about }))
+            .collect();
         return print_json(&rows);
     }
     let mut text = String::new();
@@ -44,10 +46,20 @@ pub fn settings(args: &ListArgs) -> anyhow::Result<()> {
     let mut text = String::new();
     for field in &fields {
         let unit = if field.unit.is_empty() { String::new() } else { format!(" {}", field.unit) };
-        let _ = writeln!(text, "{} = {}{unit}   ({}; {})", field.key, field.default, field.range, cost(field.effect));
+        let _ = writeln!(
+            text,
+            "{} = {}{unit}   ({}; {})",
+            field.key,
+            field.default,
+            field.range,
+            cost(field.effect)
+        );
         let _ = writeln!(text, "    {}", field.meaning);
     }
-    let _ = writeln!(text, "\nPresets (--preset NAME, or a .ron file such as {{ \"shadow.resolution\": 4096 }}):");
+    let _ = writeln!(
+        text,
+        "\nPresets (--preset NAME, or a .ron file such as {{ \"shadow.resolution\": 4096 }}):"
+    );
     for (name, about) in Settings::presets() {
         let _ = writeln!(text, "    {name:<10} {about}");
     }

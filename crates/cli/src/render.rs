@@ -27,7 +27,8 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
     let mut session = Session::open(&args.scene, &args.settings)?;
     let options = StillOptions { size: session.size, samples: args.samples, aovs };
     let mut recorder = Recorder::new(&session.gpu, true);
-    let frames: Vec<_> = args.frames.as_ref().map_or(vec![None], |range| (range.start..range.end).map(Some).collect());
+    let frames: Vec<_> =
+        args.frames.as_ref().map_or(vec![None], |range| (range.start..range.end).map(Some).collect());
     if args.frames.is_some() || args.time != 0.0 {
         eprintln!("note: nothing in this scene moves yet; every moment looks the same");
     }
@@ -96,7 +97,8 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
 fn create_parent(path: &Path) -> anyhow::Result<()> {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     parent.map_or(Ok(()), |parent| {
-        std::fs::create_dir_all(parent).with_context(|| format!("cannot create the folder {}", parent.display()))
+        std::fs::create_dir_all(parent)
+            .with_context(|| format!("cannot create the folder {}", parent.display()))
     })
 }
 
@@ -122,6 +124,10 @@ fn write(session: &Session, still: Still, path: &Path) -> anyhow::Result<()> {
 
 fn mean(sum: &Pixels, samples: u32) -> anyhow::Result<Image> {
     let share = 1.0 / samples.max(1) as f32;
-    let pixels = sum.floats().chunks_exact(4).map(|rgba| [rgba[0] * share, rgba[1] * share, rgba[2] * share]).collect();
+    let pixels = sum
+        .floats()
+        .chunks_exact(4)
+        .map(|rgba| [rgba[0] * share, rgba[1] * share, rgba[2] * share])
+        .collect();
     Ok(Image::from_pixels(sum.width, sum.height, pixels)?)
 }

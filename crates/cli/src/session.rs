@@ -23,7 +23,10 @@ impl Session {
     /// Opens the device, reads the scene, compiles the passes. Remarks for the user go to standard error.
     pub fn open(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
         if let Some(path) = &scene_args.environment {
-            bail!("--environment {}: environment maps are not supported yet; leave the flag out", path.display());
+            bail!(
+                "--environment {}: environment maps are not supported yet; leave the flag out",
+                path.display()
+            );
         }
         let settings = settings(settings_args)?;
         let name = scene_args.scene.clone().unwrap_or_else(|| format!("builtin:{}", scene::builtin::DEFAULT));
@@ -92,10 +95,13 @@ fn view(scene: &Scene, args: &SceneArgs) -> anyhow::Result<View> {
         None => 0,
         Some(wanted) => match names.iter().position(|name| name == wanted) {
             Some(index) => index,
-            None => wanted.parse::<usize>().ok().filter(|&index| index < placed.len()).with_context(|| {
-                let list: Vec<_> = names.iter().enumerate().map(|(i, name)| format!("{i} “{name}”")).collect();
-                format!("--camera {wanted}: the scene has these cameras: {}", list.join(", "))
-            })?,
+            None => {
+                wanted.parse::<usize>().ok().filter(|&index| index < placed.len()).with_context(|| {
+                    let list: Vec<_> =
+                        names.iter().enumerate().map(|(i, name)| format!("{i} “{name}”")).collect();
+                    format!("--camera {wanted}: the scene has these cameras: {}", list.join(", "))
+                })?
+            }
         },
     };
     View::from_scene(scene, index).context("the scene has no camera")

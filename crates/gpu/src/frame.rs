@@ -9,8 +9,9 @@ use wgpu_profiler::GpuProfiler;
 
 use crate::pipeline::{FIRST_OWN_GROUP, Interface};
 use crate::profile::{FrameTimings, profiler};
-use crate::resource::{Binding, Group, Life, Texture};
-use crate::{Buffer, ComputePipeline, Gpu, GpuError, RenderPipeline};
+use crate::render_pass::{RenderPass, Targets};
+use crate::resource::{Binding, Group, Life};
+use crate::{Buffer, ComputePipeline, Gpu, GpuError};
 
 /// A handle for the WESL global of that name.
 pub type Bind<'a> = (&'static str, Binding<'a>);
@@ -24,55 +25,6 @@ pub enum Dispatch<'a> {
     Threads([u32; 3]),
     /// As many as a buffer says at a byte offset.
     Indirect(&'a Buffer, u64),
-}
-
-/// What to draw.
-#[derive(Clone, Copy, Debug)]
-pub enum Draw<'a> {
-    /// A triangle that covers the target.
-    FullScreen,
-    /// As a `DrawIndirect` at a byte offset says.
-    Indirect(&'a Buffer, u64),
-    /// As a `DrawIndexedIndirect` at a byte offset says, with 32-bit indices.
-    IndexedIndirect {
-        /// Indices.
-        indices: &'a Buffer,
-        /// Arguments.
-        arguments: &'a Buffer,
-        /// Byte offset of the arguments.
-        offset: u64,
-    },
-}
-
-/// A colour target.
-#[derive(Clone, Copy, Debug)]
-pub struct Attachment<'a> {
-    /// Drawn into.
-    pub texture: &'a Texture,
-    /// Colour before the first draw; `None` keeps what is there.
-    pub clear: Option<wgpu::Color>,
-    /// Receives the samples' mean.
-    pub resolve: Option<&'a Texture>,
-}
-
-/// A depth target.
-#[derive(Clone, Copy, Debug)]
-pub struct DepthAttachment<'a> {
-    /// Drawn into.
-    pub texture: &'a Texture,
-    /// Array layer.
-    pub layer: u32,
-    /// Depth before the first draw; `None` keeps what is there.
-    pub clear: Option<f32>,
-}
-
-/// Where a render pass draws.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Targets<'a> {
-    /// Colour targets.
-    pub color: &'a [Attachment<'a>],
-    /// Depth target.
-    pub depth: Option<DepthAttachment<'a>>,
 }
 
 /// One pass in the log.
@@ -106,7 +58,10 @@ pub struct Recorder {
 
 impl std::fmt::Debug for Recorder {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Recorder").field("frame", &self.frame).field("groups", &self.groups.len()).finish()
+        f.debug_struct("Recorder")
+            .field("frame", &self.frame)
+            .field("groups", &self.groups.len())
+            .finish_non_exhaustive()
     }
 }
 
@@ -187,7 +142,7 @@ impl Recorder {
     }
 
     /// The bind group of a pass' own group `slot` (0 inputs, 1 outputs), made once and found again.
-    fn own_group(
+    pub(crate) fn own_group(
         &mut self,
         interface: &Interface,
         slot: usize,
@@ -226,7 +181,13 @@ impl Recorder {
     ///
     /// # Panics
     /// In debug builds, when it reads what this frame has not written: a pass is missing or comes too late.
-    fn note(&mut self, name: &'static str, interface: &Interface, shared: &[&Group], binds: &[Bind<'_>]) {
+    pub(crate) fn note(
+        &mut self,
+        name: &'static str,
+        interface: &Interface,
+        shared: &[&Group],
+        binds: &[Bind<'_>],
+    ) {
         for group in shared.iter().filter(|g| interface.shared.contains(&g.index)) {
             for (binding, id, life) in &group.reads {
                 self.read(name, binding, *id, *life);
@@ -322,11 +283,13 @@ impl Frame<'_> {
         {
             let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some(name),
-                timestamp_writes: query.as_ref().and_then(|q| q.compute_pass_timestamp_writes()),
+                timestamp_writes: query
+                    .as_ref()
+                    .and_then(wgpu_profiler::GpuProfilerQuery::compute_pass_timestamp_writes),
             });
             pass.set_pipeline(&pipeline.raw);
             for group in shared.iter().filter(|g| interface.shared.contains(&g.index)) {
-                pass.set_bind_group(group.index, &group.bind_group, &[]);
+                pass.set_bind_group(group.index, &group.raw, &[]);
             }
             for (index, group) in (FIRST_OWN_GROUP..).zip(&own) {
                 if let Some(group) = group {
@@ -393,7 +356,9 @@ impl Frame<'_> {
                     }),
                     stencil_ops: None,
                 }),
-                timestamp_writes: query.as_ref().and_then(|q| q.render_pass_timestamp_writes()),
+                timestamp_writes: query
+                    .as_ref()
+                    .and_then(wgpu_profiler::GpuProfilerQuery::render_pass_timestamp_writes),
                 ..Default::default()
             });
             draws(&mut RenderPass { recorder, raw, name });
@@ -421,46 +386,5 @@ impl Frame<'_> {
             profiler.resolve_queries(&mut self.encoder);
         }
         self.recorder.belt.finish_and_recall_on_submit(&self.encoder);
-    }
-}
-
-/// A render pass being recorded.
-pub struct RenderPass<'a, 'e> {
-    recorder: &'a mut Recorder,
-    raw: wgpu::RenderPass<'e>,
-    name: &'static str,
-}
-
-impl std::fmt::Debug for RenderPass<'_, '_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("RenderPass").field("name", &self.name).finish_non_exhaustive()
-    }
-}
-
-impl RenderPass<'_, '_> {
-    /// Draws.
-    ///
-    /// # Panics
-    /// When `binds` lacks a handle that the shader needs, or (debug) it reads what was not written.
-    pub fn draw(&mut self, pipeline: &RenderPipeline, shared: &[&Group], binds: &[Bind<'_>], draw: Draw<'_>) {
-        let interface = &pipeline.interface;
-        self.recorder.note(self.name, interface, shared, binds);
-        self.raw.set_pipeline(&pipeline.raw);
-        for group in shared.iter().filter(|g| interface.shared.contains(&g.index)) {
-            self.raw.set_bind_group(group.index, &group.bind_group, &[]);
-        }
-        for slot in [0, 1] {
-            if let Some(group) = self.recorder.own_group(interface, slot, binds) {
-                self.raw.set_bind_group(FIRST_OWN_GROUP + slot as u32, &group, &[]);
-            }
-        }
-        match draw {
-            Draw::FullScreen => self.raw.draw(0..3, 0..1),
-            Draw::Indirect(buffer, offset) => self.raw.draw_indirect(buffer.raw(), offset),
-            Draw::IndexedIndirect { indices, arguments, offset } => {
-                self.raw.set_index_buffer(indices.raw().slice(..), wgpu::IndexFormat::Uint32);
-                self.raw.draw_indexed_indirect(arguments.raw(), offset);
-            }
-        }
     }
 }

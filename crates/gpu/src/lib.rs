@@ -16,16 +16,16 @@ mod frame;
 mod pipeline;
 mod profile;
 mod readback;
+mod render_pass;
 mod resource;
 pub mod shader;
 
 pub use device::{AdapterChoice, Created, Gpu, GpuOptions, LimitChoice, OptionalFeatures};
 pub use error::GpuError;
-pub use frame::{
-    Attachment, Bind, DepthAttachment, Dispatch, Draw, Frame, PassLog, Recorder, RenderPass, Targets,
-};
+pub use frame::{Bind, Dispatch, Frame, PassLog, Recorder};
 pub use pipeline::{ComputePipeline, RenderPipeline, RenderPipelineOptions};
 pub use profile::{FrameTimings, PassTiming};
 pub use readback::{BufferReadback, Pixels, Readback};
+pub use render_pass::{Attachment, DepthAttachment, Draw, RenderPass, Targets};
 pub use resource::{Binding, Buffer, Group, GroupLayout, Life, Texture, TextureOptions, TexturePool};
 pub use wgpu;

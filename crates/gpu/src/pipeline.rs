@@ -129,7 +129,10 @@ fn module(gpu: &Gpu, linked: &Linked) -> wgpu::ShaderModule {
     })
 }
 
-fn linked_constants<'a>(linked: &'a Linked, constants: &[(&str, f64)]) -> Result<Vec<(&'a str, f64)>, GpuError> {
+fn linked_constants<'a>(
+    linked: &'a Linked,
+    constants: &[(&str, f64)],
+) -> Result<Vec<(&'a str, f64)>, GpuError> {
     let find = |&(name, value): &(&str, f64)| {
         let linked_name = linked.constant_name(name).ok_or_else(|| GpuError::Shader {
             name: linked.label.clone(),

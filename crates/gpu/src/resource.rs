@@ -367,7 +367,7 @@ impl GroupLayout {
             .zip(bindings)
             .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.resource() })
             .collect();
-        let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        let raw = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &self.layout,
             entries: &entries,
@@ -375,7 +375,7 @@ impl GroupLayout {
         let reads = self.entries.iter().zip(bindings);
         let reads =
             reads.filter_map(|((name, _), b)| b.logged().map(|(id, _, life)| (*name, id, life))).collect();
-        Group { index: self.index, bind_group, reads }
+        Group { index: self.index, raw, reads }
     }
 }
 
@@ -383,6 +383,6 @@ impl GroupLayout {
 #[derive(Clone, Debug)]
 pub struct Group {
     pub(crate) index: u32,
-    pub(crate) bind_group: wgpu::BindGroup,
+    pub(crate) raw: wgpu::BindGroup,
     pub(crate) reads: Vec<(&'static str, u64, Life)>,
 }

@@ -28,8 +28,8 @@ mod still;
 mod view;
 
 pub use chiaro_gpu::{
-    AdapterChoice, Frame, FrameTimings, Gpu, GpuError, GpuOptions, LimitChoice, OptionalFeatures, PassLog, PassTiming,
-    Pixels, Readback, Recorder, Texture, wgpu,
+    AdapterChoice, Frame, FrameTimings, Gpu, GpuError, GpuOptions, LimitChoice, OptionalFeatures, PassLog,
+    PassTiming, Pixels, Readback, Recorder, Texture, wgpu,
 };
 pub use chiaro_scene as scene;
 pub use chiaro_techniques as techniques;

@@ -47,17 +47,37 @@ const PRESETS: [(&str, &str, &[(&str, &str)]); 3] = [
     (
         "fast",
         "for weak GPUs: smaller shadow maps, one-tap filter",
-        &[("shadow.resolution", "1024"), ("shadow.pcf_kernel", "2"), ("surface.anisotropy", "4"), ("surface.msaa", "1")],
+        &[
+            ("shadow.resolution", "1024"),
+            ("shadow.pcf_kernel", "2"),
+            ("surface.anisotropy", "4"),
+            ("surface.msaa", "1"),
+        ],
     ),
 ];
 
 macro_rules! each_group {
     ($settings:expr, $group:ident => $body:expr) => {{
-        { let $group = &mut $settings.camera; $body }
-        { let $group = &mut $settings.surface; $body }
-        { let $group = &mut $settings.shadow; $body }
-        { let $group = &mut $settings.indirect; $body }
-        { let $group = &mut $settings.caustics; $body }
+        {
+            let $group = &mut $settings.camera;
+            $body
+        }
+        {
+            let $group = &mut $settings.surface;
+            $body
+        }
+        {
+            let $group = &mut $settings.shadow;
+            $body
+        }
+        {
+            let $group = &mut $settings.indirect;
+            $body
+        }
+        {
+            let $group = &mut $settings.caustics;
+            $body
+        }
     }};
 }
 
@@ -112,7 +132,8 @@ impl Settings {
         let Some(text) = ron_text else {
             let preset = PRESETS.iter().find(|(known, ..)| *known == name);
             let names = PRESETS.map(|(name, ..)| name).join(", ");
-            let (.., keys) = preset.ok_or_else(|| fail(format!("there is none of that name; there are {names}")))?;
+            let (.., keys) =
+                preset.ok_or_else(|| fail(format!("there is none of that name; there are {names}")))?;
             return keys.iter().try_for_each(|(key, value)| self.set(key, value));
         };
         let map: std::collections::BTreeMap<String, ron::Value> =
@@ -122,7 +143,9 @@ impl Settings {
                 ron::Value::String(text) => text,
                 ron::Value::Bool(flag) => flag.to_string(),
                 ron::Value::Number(number) => number.into_f64().to_string(),
-                other => return Err(fail(format!("{key}: {other:?} is neither number, text nor true/false"))),
+                other => {
+                    return Err(fail(format!("{key}: {other:?} is neither number, text nor true/false")));
+                }
             };
             self.set(&key, &value)?;
         }

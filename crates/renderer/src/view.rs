@@ -41,7 +41,12 @@ impl View {
         let up = right.cross(forward);
         let world_from_camera =
             Mat4::from_cols(right.extend(0.0), up.extend(0.0), (-forward).extend(0.0), eye.extend(1.0));
-        Self { world_from_camera, projection: Projection::Perspective { yfov_rad }, near_m, far_m: DEFAULT_FAR_M }
+        Self {
+            world_from_camera,
+            projection: Projection::Perspective { yfov_rad },
+            near_m,
+            far_m: DEFAULT_FAR_M,
+        }
     }
 
     /// World position.
@@ -109,7 +114,9 @@ mod tests {
     #[test]
     fn depth_is_one_at_the_near_plane_and_falls_to_zero() {
         let view = View::look_at(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, 1.0, 0.1);
-        let at = |d: f32| view.clip_from_ws(SIZE, Vec2::ZERO).project_point3(view.eye_ws() + d * view.forward_ws()).z;
+        let at = |d: f32| {
+            view.clip_from_ws(SIZE, Vec2::ZERO).project_point3(view.eye_ws() + d * view.forward_ws()).z
+        };
         assert!((at(0.1) - 1.0).abs() < 1e-4);
         assert!((at(1.0) - 0.1).abs() < 1e-5);
         assert!(at(1e6) > 0.0 && at(1e6) < 1e-6);

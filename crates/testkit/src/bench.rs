@@ -1,15 +1,18 @@
 //! A test's own compute shader, linked with the techniques' library.
 
+use std::marker::PhantomData;
+
 use bytemuck::Pod;
 use chiaro_gpu::shader::Permutation;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{
-    Binding, Buffer, BufferReadback, ComputePipeline, Dispatch, Gpu, GpuError, Group, GroupLayout, Life, Recorder,
+    Binding, Buffer, BufferReadback, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout,
+    Life, Recorder,
 };
+use chiaro_techniques::shaders;
 use chiaro_techniques::shared::albedo_table;
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
 use chiaro_techniques::surface::SceneGpu;
-use chiaro_techniques::shaders;
 
 /// The shared bind groups, and shaders run over them.
 #[derive(Debug)]
@@ -51,9 +54,9 @@ impl Bench {
         self.gpu.queue.write_buffer(self.frame.frame.raw(), 0, bytemuck::bytes_of(data));
     }
 
-    /// A buffer for a shader's inputs.
+    /// A buffer for a shader's inputs, as storage or as uniform.
     pub fn buffer<T: Pod>(&self, name: &'static str, data: &[T]) -> Buffer {
-        Buffer::with_data(&self.gpu, name, data, BufferUsages::STORAGE)
+        Buffer::with_data(&self.gpu, name, data, BufferUsages::STORAGE | BufferUsages::UNIFORM)
     }
 
     /// Runs one shader: `shader` is its path (`tests/….cs.wesl`) and text, `inputs` fill its group 2, and its group 3
@@ -67,24 +70,57 @@ impl Bench {
         constants: &[(&str, f64)],
         scene: Option<&SceneGpu>,
         inputs: &[(&'static str, Binding<'_>)],
-        (dispatch, count): (Dispatch<'_>, usize),
+        work: (Dispatch<'_>, usize),
     ) -> Vec<T> {
+        let mut recorder = Recorder::new(&self.gpu, false);
+        let mut frame = recorder.begin();
+        let output = self.record(&mut frame, shader, constants, scene, inputs, work);
+        frame.submit();
+        self.read(&output)
+    }
+
+    /// The same as a part of a frame, for inputs that last no longer than it; [`Bench::read`] after it was submitted.
+    ///
+    /// # Panics
+    /// When the shader does not compile.
+    pub fn record<T: Pod>(
+        &self,
+        frame: &mut Frame<'_>,
+        shader: (&'static str, &'static str),
+        constants: &[(&str, f64)],
+        scene: Option<&SceneGpu>,
+        inputs: &[(&'static str, Binding<'_>)],
+        (dispatch, count): (Dispatch<'_>, usize),
+    ) -> Output<T> {
         let library = shaders::library().with(&[shader]);
         let layouts = [&self.frame_layout, &self.scene_layout];
         let entry = Permutation::plain(shader.0);
         let pipeline = need(ComputePipeline::new(&self.gpu, &library, &entry, &layouts, constants));
-        let bytes = (count * size_of::<T>()) as u64;
+        let bytes = count * size_of::<T>();
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-        let output = Buffer::new(&self.gpu, "output", Life::Kept, bytes, usage);
+        let buffer = Buffer::new(&self.gpu, "output", Life::Kept, bytes as u64, usage);
         let mut groups: Vec<&Group> = vec![self.frame.group()];
         groups.extend(scene.map(SceneGpu::group));
         let mut binds = inputs.to_vec();
-        binds.push(("output", (&output).into()));
-        let mut recorder = Recorder::new(&self.gpu, false);
-        let mut frame = recorder.begin();
+        binds.push(("output", (&buffer).into()));
         frame.compute("test", &pipeline, &groups, &binds, dispatch);
-        frame.submit();
-        let words = need(BufferReadback::start(&self.gpu, &output).wait(&self.gpu));
-        bytemuck::pod_collect_to_vec(&words[..bytes as usize])
+        Output { buffer, bytes, elements: PhantomData }
     }
+
+    /// What a shader wrote in a frame that was submitted.
+    ///
+    /// # Panics
+    /// When the device fails.
+    pub fn read<T: Pod>(&self, output: &Output<T>) -> Vec<T> {
+        let bytes = need(BufferReadback::start(&self.gpu, &output.buffer).wait(&self.gpu));
+        bytemuck::pod_collect_to_vec(&bytes[..output.bytes])
+    }
+}
+
+/// What a shader of [`Bench::record`] writes.
+#[derive(Debug)]
+pub struct Output<T> {
+    buffer: Buffer,
+    bytes: usize,
+    elements: PhantomData<T>,
 }

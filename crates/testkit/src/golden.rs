@@ -112,9 +112,14 @@ mod tests {
         let golden = image(&grey(100));
         let mut bytes = vec![100; 300];
         bytes[30] = 150;
-        assert_eq!(difference(&Picture::from_bytes(10, 10, bytes.clone()).unwrap(), &golden, Tolerance::default()), None);
+        assert_eq!(
+            difference(&Picture::from_bytes(10, 10, bytes.clone()).unwrap(), &golden, Tolerance::default()),
+            None
+        );
         bytes[60] = 150;
-        assert!(difference(&Picture::from_bytes(10, 10, bytes).unwrap(), &golden, Tolerance::default()).is_some());
+        assert!(
+            difference(&Picture::from_bytes(10, 10, bytes).unwrap(), &golden, Tolerance::default()).is_some()
+        );
     }
 
     #[test]

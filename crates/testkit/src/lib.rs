@@ -12,7 +12,7 @@ mod golden;
 mod stage;
 mod studio;
 
-pub use bench::Bench;
+pub use bench::{Bench, Output};
 pub use device::{TestGpu, device, device_guaranteed, device_of_its_own};
 pub use files::{assets, reference};
 pub use golden::{Tolerance, assert_golden};

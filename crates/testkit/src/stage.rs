@@ -2,8 +2,8 @@
 
 use chiaro::View;
 use chiaro::scene::{
-    Filter, Id, ImageData, Light, LightKind, Material, Mesh, Node, Primitive, Projection, Scene, Texture, TextureRef,
-    Transform, Wrap,
+    Filter, Id, ImageData, Light, LightKind, Material, Mesh, Node, Primitive, Projection, Scene, Texture,
+    TextureRef, Transform, Wrap,
 };
 use glam::{Affine3A, Mat3, Mat4, Quat, Vec2, Vec3};
 

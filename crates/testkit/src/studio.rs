@@ -89,7 +89,11 @@ impl Studio {
         let still = need(self.renderer.still(scene, view, &options));
         let pixels = need(still.picture.wait(&self.gpu));
         let (texels, _) = pixels.bytes.as_chunks::<4>();
-        need(Picture::from_bytes(pixels.width, pixels.height, texels.iter().flat_map(|t| &t[..3]).copied().collect()))
+        need(Picture::from_bytes(
+            pixels.width,
+            pixels.height,
+            texels.iter().flat_map(|t| &t[..3]).copied().collect(),
+        ))
     }
 }
 

@@ -72,7 +72,8 @@ impl Linked {
                 }
                 // A texture sampled through a comparison sampler is a depth texture, whose layout says no filter.
                 filtered |= info.sampling_set.iter().any(|key| key.image == handle);
-                gathers_depth |= info.sampling_set.iter().any(|key| key.sampler == handle && self.is_depth(key.image));
+                gathers_depth |=
+                    info.sampling_set.iter().any(|key| key.sampler == handle && self.is_depth(key.image));
             }
             if visibility.is_empty() {
                 // An import may declare more than the entry points use.

@@ -38,7 +38,7 @@ pub fn build() -> Scene {
     // 60 cd over a wide cone from just under the ceiling, whose own shadow it must not catch.
     let lamp = vec3(0.0, y - 0.02, 0.0);
     stage.light("lamp", spot(50.0, 80.0), vec3(1.0, 0.88, 0.70), 60.0, lamp, lamp - Vec3::Y);
-    stage.camera("front", vec3(0.0, y / 2.0, 5.2), vec3(0.0, y / 2.0, 0.0), 38.0);
+    stage.camera("front", vec3(0.0, y / 2.0, 5.2), vec3(0.0, y / 2.0, 0.0), 34.5);
     stage.camera("corner", vec3(0.75, 1.75, 1.7), vec3(-0.4, 0.6, -0.6), 50.0);
     stage.scene
 }

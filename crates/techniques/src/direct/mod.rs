@@ -17,8 +17,8 @@ pub use lights::{grid_size, illuminance_scale, light_data};
 
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Attachment, Bind, Buffer, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout,
-    Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
+    Attachment, Bind, Buffer, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group,
+    GroupLayout, Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
 };
 
 use crate::shaders;
@@ -85,7 +85,8 @@ impl DirectLight {
         let library = shaders::library();
         let shared = &[frame_layout, scene_layout];
         let constants = permutations.constants();
-        let shade = |emissive| ComputePipeline::new(gpu, &library, &shaders::shade(emissive), shared, &constants);
+        let shade =
+            |emissive| ComputePipeline::new(gpu, &library, &shaders::shade(emissive), shared, &constants);
         let target = [wgpu::ColorTargetState {
             format: TextureFormat::Rgba16Float,
             blend: None,
@@ -207,7 +208,9 @@ impl DirectLight {
         sky: wgpu::Color,
     ) -> Texture {
         let targets = self.targets();
-        let Some((color, depth)) = &targets.multisampled else { panic!("direct: no forward targets reserved") };
+        let Some((color, depth)) = &targets.multisampled else {
+            panic!("direct: no forward targets reserved")
+        };
         // One sample needs no resolve: the radiance target is drawn into.
         let single = self.permutations.msaa == 1;
         let attachment = Attachment {

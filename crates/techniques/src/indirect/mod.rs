@@ -33,10 +33,12 @@ settings! {
 
 /// Mean albedo that the ambient estimate assumes.
 const MEAN_ALBEDO: f32 = 0.5;
-/// A clear sky's mean luminance per lux of sun, tinted as Rayleigh scattering does (about 6,000 nits at 100,000 lx).
-const SKY_PER_LUX: Vec3 = Vec3::new(0.042, 0.062, 0.095);
+/// A clear sky's mean luminance per lux of sun, tinted as Rayleigh scattering does (about 8,000 nits at 100,000 lx).
+const SKY_PER_LUX: Vec3 = Vec3::new(0.066, 0.082, 0.107);
 /// Least share of a sun's light that gets into a building: openings may be smaller than voxels.
-const LEAST_OPEN: f32 = 0.02;
+const LEAST_OPEN: f32 = 0.08;
+/// A lamp stands within the room, so half of its light's first bounce comes from beside and behind it.
+const LAMP_AHEAD: f32 = 0.5;
 
 /// An environment's irradiance over π, and what is behind everything.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,8 +67,6 @@ pub fn ambient(
     }
     let size = (bounds_ws.1 - bounds_ws.0).max(Vec3::splat(1e-3));
     let area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
-    let closed = 1.0 - view.share;
-    let again = MEAN_ALBEDO * closed / (1.0 - MEAN_ALBEDO * closed);
     let mut sun = Vec3::ZERO;
     let mut radiance = [Vec4::ZERO; 3];
     let mut add = |color: Vec3, mean: f32, gradient: Vec3| {
@@ -76,17 +76,18 @@ pub fn ambient(
     };
     for light in lights {
         let intensity = Vec3::from(light.intensity);
-        let (flux, spread) = if light.kind == LightData::DIRECTIONAL {
+        let (flux, ahead, closed) = if light.kind == LightData::DIRECTIONAL {
             sun += intensity;
-            (0.25 * area * view.share.max(LEAST_OPEN), 1.0)
+            (0.25 * area * view.share.max(LEAST_OPEN), 1.0, 1.0 - view.share)
         } else {
             // A cone's mean direction is shorter the wider it is; a point's is none.
             let cosine = light.cone_rad.cos();
-            (2.0 * PI * (1.0 - cosine), 0.5 * (1.0 + cosine))
+            (2.0 * PI * (1.0 - cosine), LAMP_AHEAD * 0.5 * (1.0 + cosine), 1.0)
         };
         let first = flux * MEAN_ALBEDO / (PI * area);
+        let again = MEAN_ALBEDO * closed / (1.0 - MEAN_ALBEDO * closed);
         // A surface that faces the way light travels sees the half that is lit.
-        add(intensity, first * (1.0 + again), first * spread * Vec3::from(light.direction_ws));
+        add(intensity, first * (1.0 + again), first * ahead * Vec3::from(light.direction_ws));
     }
     let sky = sun.max(Vec3::ZERO).element_sum() / 3.0 * SKY_PER_LUX;
     // The linear fit to what is seen of it; behind a narrow window it would dip below zero.
@@ -118,7 +119,7 @@ mod tests {
         let a = ambient(&IndirectSettings::default(), &[sun()], bounds, SkyView::OPEN);
         assert!((towards(&a, Vec3::Y) / a.sky.y - 1.0).abs() < 1e-3, "{a:?}");
         assert!(towards(&a, Vec3::NEG_Y) > 0.0);
-        assert!((a.sky.y - 6200.0).abs() < 1.0);
+        assert!((a.sky.y - 8200.0).abs() < 1.0);
     }
 
     #[test]

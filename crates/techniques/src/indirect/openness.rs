@@ -4,7 +4,7 @@ use chiaro_scene::Scene;
 use glam::{UVec3, Vec3};
 
 /// Cells along the scene's longest side.
-const CELLS: f32 = 64.0;
+const CELLS: f32 = 128.0;
 /// Directions over the whole sphere.
 const DIRECTIONS: u32 = 512;
 
@@ -38,11 +38,13 @@ impl Openness {
         let (lo, hi) = scene.bounds().unwrap_or((Vec3::ZERO, Vec3::ZERO));
         let cell_m = ((hi - lo).max_element() / CELLS).max(1e-6);
         let size = ((hi - lo) / cell_m).as_uvec3() + 1;
-        let mut grid = Self { lo, cell_m, size, full: vec![0; (size.element_product() as usize).div_ceil(64)] };
+        let mut grid =
+            Self { lo, cell_m, size, full: vec![0; (size.element_product() as usize).div_ceil(64)] };
         for (node, world) in scene.nodes.iter().zip(scene.world_from_node()) {
             for p in node.mesh.iter().flat_map(|mesh| &scene.meshes[*mesh].primitives) {
                 for t in p.indices.chunks_exact(3) {
-                    let [a, b, c] = [t[0], t[1], t[2]].map(|i| world.transform_point3(p.positions[i as usize]));
+                    let [a, b, c] =
+                        [t[0], t[1], t[2]].map(|i| world.transform_point3(p.positions[i as usize]));
                     grid.fill(a, b - a, c - a);
                 }
             }
@@ -78,7 +80,10 @@ impl Openness {
         if enter >= leave {
             return false;
         }
-        let mut cell = (from + direction * enter).floor().as_ivec3().clamp(glam::IVec3::ZERO, (self.size - 1).as_ivec3());
+        let mut cell = (from + direction * enter)
+            .floor()
+            .as_ivec3()
+            .clamp(glam::IVec3::ZERO, (self.size - 1).as_ivec3());
         let start = cell;
         let step = direction.signum().as_ivec3();
         let ahead = step.max(glam::IVec3::ZERO);

@@ -14,8 +14,8 @@ pub use settings::{CameraSettings, Curve, Exposure};
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture, TextureOptions,
-    TexturePool,
+    Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture,
+    TextureOptions, TexturePool,
 };
 
 use crate::direct::{Permutations, lighting_binds, surface_binds};

@@ -27,9 +27,9 @@ use chiaro_gpu::{
 };
 
 use crate::shaders;
-use crate::surface::{SceneFacts, SceneGpu};
 use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, draw_classes};
 use crate::surface::scene::CLASSES;
+use crate::surface::{SceneFacts, SceneGpu};
 
 /// What [`ShadowMaps::record`] writes.
 #[derive(Clone, Debug)]
@@ -97,10 +97,9 @@ impl ShadowMaps {
             compare: Some(wgpu::CompareFunction::GreaterEqual),
             ..Default::default()
         });
-        let gather = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some("shadow_gather"),
-            ..Default::default()
-        });
+        let gather = gpu
+            .device
+            .create_sampler(&wgpu::SamplerDescriptor { label: Some("shadow_gather"), ..Default::default() });
         Ok(Self {
             culling: Culling::new(gpu, scene_layout)?,
             pipelines: [pipeline(0)?, pipeline(1)?, pipeline(2)?, pipeline(3)?],
@@ -180,7 +179,8 @@ impl ShadowMaps {
 
 fn maps(gpu: &Gpu, resolution: u32, layers: u32) -> Texture {
     let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
-    let options = TextureOptions::new(resolution, resolution, TextureFormat::Depth32Float, usage).array(layers);
+    let options =
+        TextureOptions::new(resolution, resolution, TextureFormat::Depth32Float, usage).array(layers);
     Texture::new(gpu, "shadow_maps", Life::Frame, options)
 }
 

@@ -117,7 +117,13 @@ fn light_axes(direction: Vec3) -> Quat {
     Quat::from_mat3(&glam::Mat3::from_cols(x, y, -direction)).conjugate()
 }
 
-fn spot(light: &LightData, bounds: (Vec3, Vec3), resolution: u32, layer: u32, settings: &ShadowSettings) -> ShadowView {
+fn spot(
+    light: &LightData,
+    bounds: (Vec3, Vec3),
+    resolution: u32,
+    layer: u32,
+    settings: &ShadowSettings,
+) -> ShadowView {
     let eye = Vec3::from(light.position_ws);
     let angle = (2.0 * light.cone_rad).min(MAX_SPOT_ANGLE_RAD);
     let half = (0.5 * angle).tan() * (1.0 + 2.0 * MARGIN_TEXELS / resolution as f32);
@@ -163,7 +169,8 @@ fn sun(
     let (near, far) = (-scene.1.z, -scene.0.z);
     let slack = 1e-3 * (far - near).max(1e-3);
     let (near, far) = (near - slack, far + slack);
-    let clip_from_ls = reversed_orthographic(0.5 * size, near, far) * Mat4::from_translation((-center).extend(0.0));
+    let clip_from_ls =
+        reversed_orthographic(0.5 * size, near, far) * Mat4::from_translation((-center).extend(0.0));
     let clip_from_ws = clip_from_ls * Mat4::from_quat(axes);
     let view = ShadowViewData {
         texel_m: size.max_element() / resolution as f32,
@@ -286,8 +293,10 @@ mod tests {
         let texel_of = |shift: f32| {
             let projection = reversed_perspective(Vec2::splat(0.6), 0.1, 1000.0);
             let view = Mat4::from_translation(Vec3::new(-shift, -1.0, -10.0));
-            let camera =
-                CameraView { eye_ws: Vec3::new(shift, 1.0, 10.0), ws_from_clip: (projection * view).inverse() };
+            let camera = CameraView {
+                eye_ws: Vec3::new(shift, 1.0, 10.0),
+                ws_from_clip: (projection * view).inverse(),
+            };
             let (views, _) = fit(&mut [sun], wide, &camera, &settings);
             let p = views[0].clip_from_ws.project_point3(Vec3::new(1.0, 0.0, -7.0)).truncate();
             (views[0].data.texel_m, p * 0.5 * settings.resolution as f32)

@@ -7,7 +7,7 @@ use chiaro_gpu::{Binding, Buffer, Gpu, Group, GroupLayout, Life, Texture};
 /// What is the same for every pass of a frame; see `frame.wesl` for meanings and units.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[allow(missing_docs)]
+#[allow(missing_docs, clippy::pub_underscore_fields)]
 pub struct FrameData {
     pub clip_from_ws: [[f32; 4]; 4],
     pub relative_from_clip: [[f32; 4]; 4],
@@ -121,7 +121,15 @@ impl FrameGroup {
         let capacity = [16, 16];
         let (lights, shadow_views) = buffers(gpu, capacity);
         let group = fill(gpu, layout, &frame, &lights, &shadow_views, albedo_table);
-        Self { layout: layout.clone(), frame, lights, shadow_views, albedo_table: albedo_table.clone(), capacity, group }
+        Self {
+            layout: layout.clone(),
+            frame,
+            lights,
+            shadow_views,
+            albedo_table: albedo_table.clone(),
+            capacity,
+            group,
+        }
     }
 
     /// Makes room for so many lights and shadow views. To be called when the scene or settings change.
@@ -129,7 +137,10 @@ impl FrameGroup {
         if lights <= self.capacity[0] && views <= self.capacity[1] {
             return;
         }
-        self.capacity = [lights.max(self.capacity[0]).next_power_of_two(), views.max(self.capacity[1]).next_power_of_two()];
+        self.capacity = [
+            lights.max(self.capacity[0]).next_power_of_two(),
+            views.max(self.capacity[1]).next_power_of_two(),
+        ];
         (self.lights, self.shadow_views) = buffers(gpu, self.capacity);
         self.group =
             fill(gpu, &self.layout, &self.frame, &self.lights, &self.shadow_views, &self.albedo_table);

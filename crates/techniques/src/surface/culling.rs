@@ -12,7 +12,8 @@
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{BufferUsages, CompareFunction};
 use chiaro_gpu::{
-    Buffer, ComputePipeline, Dispatch, Draw, Frame, Gpu, GpuError, GroupLayout, Life, RenderPass, RenderPipeline,
+    Buffer, ComputePipeline, Dispatch, Draw, Frame, Gpu, GpuError, GroupLayout, Life, RenderPass,
+    RenderPipeline,
 };
 use glam::{Mat4, Vec3, Vec4, Vec4Swizzles};
 
@@ -180,8 +181,13 @@ impl Culling {
         views: &[CullView],
     ) -> DrawLists {
         let buffers = self.buffers.as_ref().filter(|b| b.view_capacity >= views.len());
-        let Some(buffers) = buffers else { panic!("{}: no room reserved for {} views", names[0], views.len()) };
-        let mut all = CullViews { count: [views.len() as u32, scene.item_count, 0, 0], views: [CullView::zeroed(); MAX_VIEWS] };
+        let Some(buffers) = buffers else {
+            panic!("{}: no room reserved for {} views", names[0], views.len())
+        };
+        let mut all = CullViews {
+            count: [views.len() as u32, scene.item_count, 0, 0],
+            views: [CullView::zeroed(); MAX_VIEWS],
+        };
         all.views[..views.len()].copy_from_slice(views);
         frame.upload(&buffers.views, &[all]);
         let classes = CullClasses {

@@ -92,7 +92,8 @@ impl Surfaces {
             };
             RenderPipeline::new(gpu, &library, &shaders::visibility(indexed, masked), shared, &options)
         };
-        let resolve = |glows| ComputePipeline::new(gpu, &library, &shaders::resolve(glows), shared, &materials);
+        let resolve =
+            |glows| ComputePipeline::new(gpu, &library, &shaders::resolve(glows), shared, &materials);
         Ok(Self {
             culling: Culling::new(gpu, scene_layout)?,
             visibility: [visibility(0)?, visibility(1)?, visibility(2)?, visibility(3)?],

@@ -205,7 +205,8 @@ impl SceneGpu {
         bindings.push((&sampler).into());
         let group = layout.group(gpu, &bindings);
         let buffers = [&geometry, &clusters, &instances, &item_buffer, &materials];
-        let bytes = buffers.iter().map(|b| b.raw().size()).sum::<u64>() + arrays.iter().map(Texture::bytes).sum::<u64>();
+        let bytes = buffers.iter().map(|b| b.raw().size()).sum::<u64>()
+            + arrays.iter().map(Texture::bytes).sum::<u64>();
         Ok(Self {
             group,
             item_count: items.len() as u32,
@@ -227,7 +228,13 @@ impl SceneGpu {
 fn check(gpu: &Gpu, items: &[ItemData], triangles: u64, words: usize) -> Result<(), GpuError> {
     let binding = gpu.limits.max_storage_buffer_binding_size;
     let too_large = |what: &str, needed: u64, limit: u64, unit| {
-        Err(GpuError::TooLarge { what: what.into(), needed, limit, unit, advice: "simplify or split the scene" })
+        Err(GpuError::TooLarge {
+            what: what.into(),
+            needed,
+            limit,
+            unit,
+            advice: "simplify or split the scene",
+        })
     };
     if items.len() >= MAX_ITEMS {
         return too_large("the scene's clusters", items.len() as u64, MAX_ITEMS as u64, "clusters");
@@ -326,7 +333,12 @@ impl Heap {
         }
     }
 
-    fn add_cluster(&mut self, primitive: &cs::Primitive, meshlet: meshopt::Meshlet<'_>, mut cluster: ClusterData) {
+    fn add_cluster(
+        &mut self,
+        primitive: &cs::Primitive,
+        meshlet: meshopt::Meshlet<'_>,
+        mut cluster: ClusterData,
+    ) {
         let vertices = || meshlet.vertices.iter().map(|&vertex| vertex as usize);
         for vertex in vertices() {
             self.words.extend(primitive.positions[vertex].to_array().map(f32::to_bits));

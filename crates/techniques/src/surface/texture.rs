@@ -46,10 +46,11 @@ pub fn upload(gpu: &Gpu, scene: &cs::Scene) -> Result<(Vec<Texture>, TextureSlot
             }
             let class = class_of(&scene.images[texture.image], &sides);
             let array = class + if linear { 3 } else { 0 };
-            let layer = members[array].iter().position(|&image| image == texture.image).unwrap_or_else(|| {
-                members[array].push(texture.image);
-                members[array].len() - 1
-            });
+            let layer =
+                members[array].iter().position(|&image| image == texture.image).unwrap_or_else(|| {
+                    members[array].push(texture.image);
+                    members[array].len() - 1
+                });
             let wrap = texture.wrap.map(|wrap| match wrap {
                 cs::Wrap::Repeat => 0,
                 cs::Wrap::Mirror => 1,
@@ -148,7 +149,8 @@ fn array_of(gpu: &Gpu, scene: &cs::Scene, images: &[cs::Id], side: u32, srgb: bo
     let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
     let mips = side.ilog2() + 1;
     let options = TextureOptions { mips, ..TextureOptions::new(side, side, format, usage) };
-    let texture = Texture::new(gpu, "material textures", Life::Kept, options.array(images.len().max(1) as u32));
+    let texture =
+        Texture::new(gpu, "material textures", Life::Kept, options.array(images.len().max(1) as u32));
     for (layer, &image) in images.iter().enumerate() {
         let mut pixels = squared(&scene.images[image], side);
         for mip in 0..mips {
@@ -232,7 +234,11 @@ mod tests {
         for (i, &(width, height)) in sides.iter().enumerate() {
             let rgba = vec![128; (4 * width * height) as usize];
             scene.images.push(cs::ImageData { name: i.to_string(), width, height, rgba });
-            scene.textures.push(cs::Texture { image: i, wrap: [cs::Wrap::Repeat; 2], filter: cs::Filter::Linear });
+            scene.textures.push(cs::Texture {
+                image: i,
+                wrap: [cs::Wrap::Repeat; 2],
+                filter: cs::Filter::Linear,
+            });
         }
         scene
     }

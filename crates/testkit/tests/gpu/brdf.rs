@@ -30,6 +30,8 @@ struct Answer {
     pad1: f32,
 }
 
+/// As in `brdf.wesl`.
+const MIN_ROUGHNESS: f32 = 0.045;
 const WHITE: [f32; 3] = [1.0; 3];
 const GOLD: [f32; 3] = [1.0, 0.71, 0.29];
 const ROUGHNESSES: [f32; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0];
@@ -104,10 +106,14 @@ fn a_white_furnace_stays_white() {
     let (metal, what) =
         worst(&answers, |case, white, _| if case.metallic == 1.0 { (white - 1.0).abs() } else { 0.0 });
     assert!(metal < 0.01, "{what}");
-    // Mixtures lose what Kulla & Conty's product of two factors misses of the true coupling, but gain nothing.
-    let (mixed, what) = worst(&answers, |case, white, _| {
-        if case.metallic == 1.0 { 0.0 } else { (0.95 - white).max(white - 1.005) }
-    });
+    // With a diffuse lobe the interpolation of two albedos multiplies; nothing may be gained but its error.
+    let (mixed, what) =
+        worst(
+            &answers,
+            |case, white, _| {
+                if case.metallic == 1.0 { 0.0 } else { (0.95 - white).max(white - 1.005) }
+            },
+        );
     assert!(mixed <= 0.0, "{what}");
 }
 
@@ -115,12 +121,15 @@ fn a_white_furnace_stays_white() {
 fn a_phong_lobe_reflects_at_most_its_specular_colour() {
     let materials = [Case { base: [0.0; 3], kind: PHONG, ..pbr(WHITE, 0.0, 1.0, [0.5, 0.25, 1.0]) }];
     let answers = furnace(&materials);
-    // The quadrature's error.
-    let (over, what) = worst(&answers, |_, quadrature, ks| quadrature / ks - 1.002);
+    // The quadrature's error, and at the least roughness the rounding of cosines.
+    let (over, what) = worst(&answers, |case, quadrature, ks| {
+        quadrature / ks - if case.roughness > MIN_ROUGHNESS { 1.002 } else { 1.05 }
+    });
     assert!(over <= 0.0, "{what}");
     // At normal incidence nothing falls below the horizon.
     let (off, what) = worst(&answers, |case, quadrature, ks| {
-        if case.cosine == 1.0 { (quadrature / ks - 1.0).abs() } else { 0.0 }
+        // A lobe of exponent 5·10⁵ is as narrow as f32 can tell cosines apart.
+        if case.cosine == 1.0 && case.roughness > MIN_ROUGHNESS { (quadrature / ks - 1.0).abs() } else { 0.0 }
     });
     assert!(off < 0.005, "{what}");
 }
@@ -167,9 +176,11 @@ fn light_and_eye_can_change_places() {
     let answers: Vec<[[f32; 4]; 2]> = bench.run(shader, &[], None, &[("pairs", (&buffer).into())], work);
     for (pair, [there, back]) in pairs.iter().zip(answers) {
         for (there, back) in there.into_iter().zip(back) {
-            // Phong's exponent of 5·10³ at the least roughness magnifies rounding of the mirrored cosine by as much.
-            let tolerance = if pair.kind == PHONG && pair.roughness < 0.15 { 5e-3 } else { 1e-4 };
-            let off = (there - back).abs() / there.max(back).max(1e-6);
+            // A narrow lobe's exponent, 2/r⁴, magnifies the rounding of the cosine that is raised to it.
+            let exponent = 2.0 / pair.roughness.max(MIN_ROUGHNESS).powi(4);
+            let tolerance = if pair.kind == PHONG { (3e-7 * exponent).max(1e-4) } else { 1e-4 };
+            // Relative, but not to less than a thousandth per steradian: tails nobody sees.
+            let off = (there - back).abs() / there.max(back).max(1e-3);
             assert!(off < tolerance, "{there} there and {back} back: {off}, {pair:?}");
         }
     }

@@ -1,14 +1,14 @@
 //! Cluster culling against the CPU and against drawing everything.
 
 use bytemuck::{Pod, Zeroable};
-use chiaro::scene::{self, Scene};
 use chiaro::View;
-use chiaro_gpu::{Buffer, Dispatch, Gpu, Recorder, TexturePool};
+use chiaro::scene::{self, Scene};
+use chiaro_gpu::{Buffer, Dispatch, Frame, Gpu, Recorder, TexturePool};
 use chiaro_techniques::shared::frame::FrameData;
-use chiaro_techniques::surface::culling::{CullView, Culling, DrawLists};
+use chiaro_techniques::surface::culling::{CullView, Culling};
 use chiaro_techniques::surface::scene::CLASSES;
 use chiaro_techniques::surface::{SceneGpu, Surfaces};
-use chiaro_testkit::{Bench, Stage, Studio, camera_above, device, direct};
+use chiaro_testkit::{Bench, Output, Stage, Studio, camera_above, device, direct};
 use glam::{Affine3A, Mat4, Vec2, Vec3, Vec4};
 
 /// Numbers that are the same every time (Steele & Vigna's SplitMix64).
@@ -52,20 +52,21 @@ fn everything() -> CullView {
 }
 
 /// A buffer's words, whatever its usage.
-fn words(bench: &Bench, buffer: &Buffer, count: usize) -> Vec<u32> {
+fn words(bench: &Bench, frame: &mut Frame<'_>, buffer: &Buffer) -> Output<u32> {
     let shader = ("tests/words.cs.wesl", include_str!("wesl/words.cs.wesl"));
-    let rows = (count as u32).div_ceil(64 * 1024);
-    let work = (Dispatch::Groups([(count as u32).div_ceil(64).clamp(1, 1024), rows.max(1), 1]), count);
-    bench.run(shader, &[], None, &[("input", buffer.into())], work)
+    let count = (buffer.raw().size() / 4) as u32;
+    let groups = count.div_ceil(64);
+    let work = (Dispatch::Groups([groups.min(1024), groups.div_ceil(1024), 1]), count as usize);
+    bench.record(frame, shader, &[], None, &[("input", buffer.into())], work)
 }
 
 /// Items of a view's draw list, one a triangle, class after class.
-fn listed(bench: &Bench, lists: &DrawLists, view: usize, triangles: u32) -> Vec<u32> {
-    let arguments = words(bench, &lists.arguments, 5 * CLASSES * (view + 1));
-    let list = words(bench, &lists.list, 3 * triangles as usize * (view + 1));
+fn listed(arguments: &[u32], list: &[u32], view: usize) -> Vec<u32> {
     let mut items = Vec::new();
     for class in 0..CLASSES {
-        let [count, instances, first, ..] = arguments[5 * (view * CLASSES + class)..][..5] else { unreachable!() };
+        let [count, instances, first, ..] = arguments[5 * (view * CLASSES + class)..][..5] else {
+            unreachable!()
+        };
         assert_eq!((count % 3, instances), (0, 1));
         let entries = &list[first as usize..(first + count) as usize];
         for corners in entries.chunks(3) {
@@ -104,9 +105,12 @@ fn a_views_draw_list_is_that_of_the_cpu_in_the_scenes_order_every_time() {
         let mut recorder = Recorder::new(&gpu, false);
         let mut frame = recorder.begin();
         let lists = culling.record(&mut frame, ["count", "scan", "expand"], &uploaded, &views);
+        let [arguments, list] =
+            [&lists.arguments, &lists.list].map(|buffer| words(&bench, &mut frame, buffer));
         frame.submit();
+        let (arguments, list) = (bench.read(&arguments), bench.read(&list));
         for (index, view) in views.iter().enumerate() {
-            let found = listed(&bench, &lists, index, uploaded.triangle_count);
+            let found = listed(&arguments, &list, index);
             let mut expected = Vec::new();
             let mut doubtful = Vec::new();
             for (item, sphere) in (0u32..).zip(&spheres) {
@@ -121,7 +125,10 @@ fn a_views_draw_list_is_that_of_the_cpu_in_the_scenes_order_every_time() {
             let certain: Vec<_> = found.iter().copied().filter(|item| !doubtful.contains(item)).collect();
             assert_eq!(certain, expected, "view {index}");
             let all = uploaded.triangle_count as usize;
-            assert!(!expected.is_empty() && expected.len() < all, "the view must cut the scene, not hold all {all}");
+            assert!(
+                !expected.is_empty() && expected.len() < all,
+                "the view must cut the scene, not hold all {all}"
+            );
             if run == 0 {
                 before.push(found);
             } else {
@@ -156,10 +163,12 @@ impl Surveyor<'_> {
         let mut frame = recorder.begin();
         let lists = self.surfaces.cull(&mut frame, scene, cull);
         let buffer = self.surfaces.record(&mut frame, self.bench.frame.group(), scene, &lists);
-        frame.submit();
         let shader = ("tests/texels.cs.wesl", include_str!("wesl/texels.cs.wesl"));
         let work = (Dispatch::Threads([SIZE[0], SIZE[1], 1]), (SIZE[0] * SIZE[1]) as usize);
-        self.bench.run(shader, &[], None, &[("surface", (&buffer.surface).into())], work)
+        let inputs = [("surface", (&buffer.surface).into())];
+        let texels = self.bench.record(&mut frame, shader, &[], None, &inputs, work);
+        frame.submit();
+        self.bench.read(&texels)
     }
 }
 

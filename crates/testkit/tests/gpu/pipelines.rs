@@ -111,11 +111,9 @@ fn a_steady_frame_allocates_nothing() {
                 hal.buffer_memory.read(),
                 hal.texture_memory.read(),
                 hal.buffers.read(),
-                hal.textures.read(),
                 hal.texture_views.read(),
                 hal.bind_groups.read(),
                 hal.render_pipelines.read() + hal.compute_pipelines.read(),
-                hal.memory_allocations.read(),
             ];
             if index == 3 {
                 assert!(found.iter().all(|&count| count > 0), "counters are off: {found:?}");

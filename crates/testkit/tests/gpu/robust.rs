@@ -31,7 +31,12 @@ fn mesh(normal: Vec3, tangent: Vec4, material: usize) -> Mesh {
 
 fn strange() -> Stage {
     let mut stage = Stage::new();
-    let flat = stage.texture(1, [chiaro::scene::Wrap::Repeat; 2], chiaro::scene::Filter::Linear, vec![128, 128, 0, 0]);
+    let flat = stage.texture(
+        1,
+        [chiaro::scene::Wrap::Repeat; 2],
+        chiaro::scene::Filter::Linear,
+        vec![128, 128, 0, 0],
+    );
     let materials = [
         Material { roughness: 0.0, metallic: 1.0, ..Material::default() },
         Material { roughness: 0.0, specular: 1.0, ..Material::default() },
@@ -47,7 +52,8 @@ fn strange() -> Stage {
     for (row, material) in materials.into_iter().enumerate() {
         let material = stage.material(Material { double_sided: true, ..material });
         for (column, normal) in normals.into_iter().enumerate() {
-            let tangent = if column == 1 { Vec4::new(0.0, 0.0, 0.0, 1.0) } else { Vec4::new(1.0, 0.0, 0.0, -1.0) };
+            let tangent =
+                if column == 1 { Vec4::new(0.0, 0.0, 0.0, 1.0) } else { Vec4::new(1.0, 0.0, 0.0, -1.0) };
             let at = Vec3::new(column as f32 * 1.1 - 1.65, row as f32 * 1.1 - 3.85, 0.0);
             // The last column is squeezed flat: its matrix has no inverse.
             let scale = if column == 3 { Vec3::new(1.0, 1.0, 0.0) } else { Vec3::ONE };
@@ -59,7 +65,13 @@ fn strange() -> Stage {
     stage.sun(1000.0, Vec3::NEG_Z);
     // In the plane of a quad, and in its very middle.
     stage.light(LightKind::Point, 10.0, None, Vec3::new(-1.65, -3.85, 0.0), Vec3::Z);
-    stage.light(LightKind::Spot { inner_rad: 0.0, outer_rad: 0.0 }, 10.0, None, Vec3::new(0.0, 0.0, 1.0), Vec3::NEG_Z);
+    stage.light(
+        LightKind::Spot { inner_rad: 0.0, outer_rad: 0.0 },
+        10.0,
+        None,
+        Vec3::new(0.0, 0.0, 1.0),
+        Vec3::NEG_Z,
+    );
     stage.light(LightKind::Point, 10.0, Some(1e-6), Vec3::new(0.0, 0.0, 1.0), Vec3::Z);
     stage
 }
@@ -75,14 +87,16 @@ fn strange_materials_and_triangles_stay_finite() {
             settings.pipeline = pipeline;
             let mut studio = Studio::new(&gpu, settings);
             let scene = studio.load(&stage.scene);
-            // From the front, from behind, and from within the plane.
-            for eye in [Vec3::new(0.0, 0.0, 10.0), Vec3::new(0.5, 0.2, -10.0), Vec3::new(9.0, 0.0, 0.0)] {
+            // From the front, from behind, and from within the plane, where next to nothing is to be seen.
+            let eyes = [Vec3::new(0.0, 0.0, 10.0), Vec3::new(0.5, 0.2, -10.0), Vec3::new(9.0, 0.0, 0.0)];
+            for (number, eye) in eyes.into_iter().enumerate() {
                 let view = View::look_at(eye, Vec3::ZERO, 1.0, 0.05);
                 let image = studio.radiance(&scene, &view, [96, 96], 2);
-                let wrong = image.pixels().iter().filter(|p| p.iter().any(|v| !v.is_finite() || *v < 0.0)).count();
+                let wrong =
+                    image.pixels().iter().filter(|p| p.iter().any(|v| !v.is_finite() || *v < 0.0)).count();
                 assert_eq!(wrong, 0, "{pipeline:?} {lighting} from {eye}");
                 let lit = image.pixels().iter().flatten().any(|v| *v > 0.0);
-                assert!(lit, "{pipeline:?} {lighting} from {eye}: nothing is seen");
+                assert!(lit || number == 2, "{pipeline:?} {lighting} from {eye}: nothing is seen");
             }
         }
     }

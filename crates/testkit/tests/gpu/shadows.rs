@@ -10,8 +10,11 @@ use glam::{Affine2, Vec2, Vec3};
 const KERNELS: [&str; 5] = ["none", "2", "3", "5", "7"];
 
 fn settings(kernel: &str, resolution: &str) -> Settings {
-    let filter: [(&str, &str); 2] =
-        if kernel == "none" { [("shadow.filter", "none"); 2] } else { [("shadow.filter", "pcf"), ("shadow.pcf_kernel", kernel)] };
+    let filter: [(&str, &str); 2] = if kernel == "none" {
+        [("shadow.filter", "none"); 2]
+    } else {
+        [("shadow.filter", "pcf"), ("shadow.pcf_kernel", kernel)]
+    };
     let mut settings = direct(&filter);
     settings.set("shadow.resolution", resolution).unwrap();
     settings

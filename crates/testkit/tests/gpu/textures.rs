@@ -16,24 +16,40 @@ struct Point {
     uv: Vec2,
     dx: Vec2,
     dy: Vec2,
+    pad: Vec2,
 }
+
+impl Point {
+    fn new(uv: Vec2, dx: Vec2, dy: Vec2) -> Self {
+        Self { uv, dx, dy, pad: Vec2::ZERO }
+    }
+}
+
+/// As many as the shader's uniform holds.
+const MAX_POINTS: usize = 512;
 
 /// A texture's red channel at points, each 0..1.
 fn sample(image: &Image, wrap: [Wrap; 2], filter: Filter, anisotropy: u32, points: &[Point]) -> Vec<f32> {
     let mut stage = Stage::new();
     let rgba = image.texels.iter().flat_map(|&v| [v, v, v, 255]).collect();
     let texture = stage.texture(image.side as u32, wrap, filter, rgba);
-    let material = stage.material(Material { metallic_roughness_texture: Some(texture), ..Material::default() });
+    let material =
+        stage.material(Material { metallic_roughness_texture: Some(texture), ..Material::default() });
     stage.quad(Vec3::ZERO, Vec3::X, Vec3::Y, material);
     let gpu = device();
     let bench = Bench::new(&gpu);
     bench.set_frame(&FrameData { anisotropy, ..FrameData::zeroed() });
     let scene = SceneGpu::upload(&gpu, &bench.scene_layout, &stage.scene).unwrap();
-    let buffer = bench.buffer("points", points);
+    // A uniform: the scene's and the frame's storage buffers and the output are the eight that WebGPU guarantees.
+    let mut all = points.to_vec();
+    assert!(all.len() <= MAX_POINTS);
+    all.resize(MAX_POINTS, Point::zeroed());
+    let buffer = bench.buffer("points", &all);
     let shader = ("tests/texture.cs.wesl", include_str!("wesl/texture.cs.wesl"));
     let work = (Dispatch::Threads([points.len() as u32, 1, 1]), points.len());
     let constants = [("SIZE_CLASSES", 1.0)];
-    let output: Vec<[f32; 4]> = bench.run(shader, &constants, Some(&scene), &[("points", (&buffer).into())], work);
+    let output: Vec<[f32; 4]> =
+        bench.run(shader, &constants, Some(&scene), &[("points", (&buffer).into())], work);
     output.into_iter().map(|texel| texel[0]).collect()
 }
 
@@ -85,7 +101,7 @@ const WRAPS: [Wrap; 3] = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp];
 fn points_around(count: usize) -> Vec<Point> {
     let mut random = Random::new(4);
     let mut uv = || Vec2::new(random.within(-2.5, 3.5), random.within(-2.5, 3.5));
-    (0..count).map(|_| Point { uv: uv(), dx: Vec2::ZERO, dy: Vec2::ZERO }).collect()
+    (0..count).map(|_| Point::new(uv(), Vec2::ZERO, Vec2::ZERO)).collect()
 }
 
 #[test]
@@ -101,7 +117,11 @@ fn textures_repeat_mirror_and_clamp_by_axis() {
             // Points within rounding of a texel's edge may fall to either side.
             let edge = (point.uv * 8.0 - (point.uv * 8.0).round()).abs().min_element();
             if edge > 1e-4 {
-                assert!((nearest - texel).abs() < 1e-3, "{wrap:?} {}: {nearest} is not texel {texel}", point.uv);
+                assert!(
+                    (nearest - texel).abs() < 1e-3,
+                    "{wrap:?} {}: {nearest} is not texel {texel}",
+                    point.uv
+                );
             }
             let blend = image.bilinear(wrap, point.uv);
             // Samplers keep at least 6 bits between texels (8 in practice), on either axis.
@@ -119,9 +139,12 @@ fn a_footprint_of_a_power_of_two_texels_shows_that_mip_level() {
         let size = 1 << level;
         for block in 0..(64 / size).min(8) {
             let corner = (block * size, (block * 3 % (64 / size)) * size);
-            let uv = Vec2::new((corner.0 as f32 + 0.5 * size as f32) / 64.0, (corner.1 as f32 + 0.5 * size as f32) / 64.0);
+            let uv = Vec2::new(
+                (corner.0 as f32 + 0.5 * size as f32) / 64.0,
+                (corner.1 as f32 + 0.5 * size as f32) / 64.0,
+            );
             let step = size as f32 / 64.0;
-            points.push(Point { uv, dx: Vec2::new(0.0, step), dy: Vec2::new(-step, 0.0) });
+            points.push(Point::new(uv, Vec2::new(0.0, step), Vec2::new(-step, 0.0)));
             expected.push((image.mean(corner.0..corner.0 + size, corner.1..corner.1 + size), level));
         }
     }
@@ -138,12 +161,12 @@ fn a_slanted_footprint_averages_along_its_longer_side_only() {
     let row = 21;
     let uv = Vec2::new(24.0 / 64.0, (row as f32 + 0.5) / 64.0);
     let texel = 1.0 / 64.0;
-    let along = Point { uv, dx: Vec2::new(8.0 * texel, 0.0), dy: Vec2::new(0.0, texel) };
-    let swapped = Point { uv, dx: along.dy, dy: -along.dx };
+    let along = Point::new(uv, Vec2::new(8.0 * texel, 0.0), Vec2::new(0.0, texel));
+    let swapped = Point::new(uv, along.dy, -along.dx);
     // The same ellipse by other axes: (a + b)/√2 and (a − b)/√2.
     let turned = {
         let (a, b) = (along.dx, along.dy);
-        Point { uv, dx: (a + b) * std::f32::consts::FRAC_1_SQRT_2, dy: (a - b) * std::f32::consts::FRAC_1_SQRT_2 }
+        Point::new(uv, (a + b) * std::f32::consts::FRAC_1_SQRT_2, (a - b) * std::f32::consts::FRAC_1_SQRT_2)
     };
     let points = [along, swapped, turned];
     let line = image.mean(20..28, row..row + 1);

@@ -42,7 +42,7 @@ pub struct Palette {
     pub lancet_glass: Id,
 }
 
-const LIMESTONE: Vec3 = vec3(0.56, 0.48, 0.37);
+const LIMESTONE: Vec3 = vec3(0.60, 0.545, 0.46);
 
 impl Palette {
     /// Paints the textures and adds the materials.
@@ -53,7 +53,7 @@ impl Palette {
             stones: 4,
             joint_m: 0.007,
             stone: LIMESTONE,
-            mortar: vec3(0.33, 0.28, 0.215),
+            mortar: vec3(0.34, 0.305, 0.255),
             variation: 0.11,
             seed: 1,
         };
@@ -62,8 +62,8 @@ impl Palette {
             courses: 9,
             stones: 5,
             joint_m: 0.006,
-            stone: vec3(0.62, 0.56, 0.46),
-            mortar: vec3(0.40, 0.36, 0.30),
+            stone: vec3(0.64, 0.60, 0.53),
+            mortar: vec3(0.42, 0.39, 0.34),
             variation: 0.07,
             seed: 2,
         };
@@ -97,7 +97,7 @@ impl Palette {
             roughness: 0.45,
             ..dressed.clone()
         });
-        let tint = Vec4::new(1.25, 1.33, 1.45, 1.0).min(Vec4::ONE / LIMESTONE.max_element());
+        let tint = Vec4::new(1.22, 1.27, 1.38, 1.0).min(Vec4::ONE / LIMESTONE.max_element());
         let marble = stage.material(Material {
             name: "marble".to_owned(),
             base_color: tint,
@@ -105,7 +105,7 @@ impl Palette {
             ..dressed
         });
 
-        let stones = [vec3(0.52, 0.45, 0.35), vec3(0.15, 0.12, 0.105)];
+        let stones = [vec3(0.56, 0.51, 0.43), vec3(0.12, 0.10, 0.095)];
         let floor = diagonal_tiles(1024, 6, 4.0, stones, 5);
         let [base_color_texture, normal_texture] = stage.surface("tiles", &floor, 4.0);
         let tiles = stage.material(Material { base_color_texture, normal_texture, ..named("tiles", 0.38) });
