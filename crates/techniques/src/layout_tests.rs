@@ -6,8 +6,9 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::shaders;
 use crate::shared::frame::{FrameData, LightData, ShadowViewData};
+use crate::surface::clusters::ClusterData;
 use crate::surface::material::MaterialData;
-use crate::surface::scene::{ClusterData, InstanceData, ItemData};
+use crate::surface::scene::{InstanceData, ItemData};
 
 macro_rules! same {
     ($linked:expr, $rust:ty, $wesl:literal, $($field:ident),+ $(,)?) => {

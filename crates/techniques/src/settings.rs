@@ -1,7 +1,7 @@
 //! One declaration of a technique's parameters feeds the command line, the viewer's panel, presets and the docs.
 //!
-//! [`settings!`] declares a struct whose fields carry meaning (the doc comment), unit, range, default and what a
-//! change costs; [`choice!`] an enum whose variants have names. [`SettingsGroup`] reads and writes fields as text.
+//! [`crate::settings!`] declares a struct whose fields carry meaning (the doc comment), unit, range, default and what a
+//! change costs; [`crate::choice!`] an enum whose variants have names. [`SettingsGroup`] reads and writes fields as text.
 
 use std::ops::RangeInclusive;
 

@@ -34,7 +34,7 @@ settings! {
 /// Mean albedo that the ambient estimate assumes.
 const MEAN_ALBEDO: f32 = 0.5;
 /// A clear sky's mean luminance per lux of sun, tinted as Rayleigh scattering does (about 8,000 nits at 100,000 lx).
-const SKY_PER_LUX: Vec3 = Vec3::new(0.066, 0.082, 0.107);
+const SKY_PER_LUX: Vec3 = Vec3::new(0.058, 0.080, 0.115);
 /// Least share of a sun's light that gets into a building: openings may be smaller than voxels.
 const LEAST_OPEN: f32 = 0.08;
 /// A lamp stands within the room, so half of its light's first bounce comes from beside and behind it.
@@ -119,7 +119,7 @@ mod tests {
         let a = ambient(&IndirectSettings::default(), &[sun()], bounds, SkyView::OPEN);
         assert!((towards(&a, Vec3::Y) / a.sky.y - 1.0).abs() < 1e-3, "{a:?}");
         assert!(towards(&a, Vec3::NEG_Y) > 0.0);
-        assert!((a.sky.y - 8200.0).abs() < 1.0);
+        assert!((a.sky.y - 8000.0).abs() < 1.0);
     }
 
     #[test]

@@ -14,6 +14,7 @@
 //! Limits: 128 MiB of geometry words and of draw list on guaranteed WebGPU limits (11 million triangles a view).
 //! Cost: 20 bytes a pixel written, 24 with the visibility buffer.
 
+pub mod clusters;
 pub mod culling;
 pub mod material;
 pub mod scene;

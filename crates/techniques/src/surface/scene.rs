@@ -1,33 +1,15 @@
-//! A scene on the GPU: group 1. Twins of `Cluster`, `Instance` and `Item` in `scene.wesl`.
+//! A scene on the GPU: group 1. Twins of `Instance` and `Item` in `scene.wesl`.
 //!
-//! Every primitive is cut into clusters of at most 128 triangles over at most 128 vertices (meshoptimizer), whose
-//! vertices are stored together: a draw list entry is then an item and a byte. Items, a cluster at an instance, are
-//! sorted by class, so that one prefix sum lays out the draws of all classes.
+//! Items, a cluster at an instance, are sorted by class, so that one prefix sum lays out the draws of all classes.
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{self, BindingType, BufferBindingType, ShaderStages};
 use chiaro_gpu::{Binding, Buffer, Gpu, GpuError, Group, GroupLayout, Texture};
 use chiaro_scene as cs;
-use glam::{Affine3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, Vec3};
 
+use super::clusters::Heap;
 use super::{material, texture};
-
-/// See `scene.wesl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[allow(missing_docs)]
-pub struct ClusterData {
-    pub sphere: [f32; 4],
-    pub cone: [f32; 4],
-    pub positions: u32,
-    pub attributes: u32,
-    pub triangles: u32,
-    pub triangle_count: u32,
-    pub extras: u32,
-    pub material: u32,
-    pub double_sided: u32,
-    pub vertex_count: u32,
-}
 
 /// See `scene.wesl`.
 #[repr(C)]
@@ -51,11 +33,6 @@ pub struct ItemData {
     pub instance: u32,
 }
 
-const NO_EXTRAS: u32 = u32::MAX;
-const MAX_CLUSTER_VERTICES: usize = 128;
-const MAX_CLUSTER_TRIANGLES: usize = 128;
-/// meshoptimizer's trade between round clusters (0) and clusters whose normals agree (1).
-const CONE_WEIGHT: f32 = 0.25;
 /// A draw list entry keeps 24 bits for the item.
 const MAX_ITEMS: usize = 1 << 24;
 
@@ -286,114 +263,4 @@ pub fn instance_data(world_from_object: &Affine3A, node: u32) -> InstanceData {
         node,
         reserved: 0,
     }
-}
-
-#[derive(Default)]
-struct Heap {
-    words: Vec<u32>,
-    clusters: Vec<ClusterData>,
-    clusters_of_mesh: Vec<std::ops::Range<usize>>,
-}
-
-impl Heap {
-    fn add_mesh(&mut self, mesh: &cs::Mesh, materials: &[cs::Material]) {
-        let first = self.clusters.len();
-        for primitive in &mesh.primitives {
-            self.add_primitive(primitive, &materials[primitive.material]);
-        }
-        self.clusters_of_mesh.push(first..self.clusters.len());
-    }
-
-    fn add_primitive(&mut self, primitive: &cs::Primitive, material: &cs::Material) {
-        let positions: &[u8] = bytemuck::cast_slice(&primitive.positions);
-        // The stride divides the bytes and the offset is inside it, so this cannot fail.
-        let Ok(adapter) = meshopt::VertexDataAdapter::new(positions, size_of::<Vec3>(), 0) else { return };
-        let meshlets = meshopt::build_meshlets(
-            &primitive.indices,
-            &adapter,
-            MAX_CLUSTER_VERTICES,
-            MAX_CLUSTER_TRIANGLES,
-            CONE_WEIGHT,
-        );
-        for meshlet in meshlets.iter() {
-            let bounds = meshopt::compute_meshlet_bounds(meshlet, &adapter);
-            let cluster = ClusterData {
-                sphere: [bounds.center[0], bounds.center[1], bounds.center[2], bounds.radius],
-                cone: [bounds.cone_axis[0], bounds.cone_axis[1], bounds.cone_axis[2], bounds.cone_cutoff],
-                positions: self.words.len() as u32,
-                attributes: 0,
-                triangles: 0,
-                triangle_count: (meshlet.triangles.len() / 3) as u32,
-                extras: NO_EXTRAS,
-                material: primitive.material as u32,
-                double_sided: u32::from(material.double_sided),
-                vertex_count: meshlet.vertices.len() as u32,
-            };
-            self.add_cluster(primitive, meshlet, cluster);
-        }
-    }
-
-    fn add_cluster(
-        &mut self,
-        primitive: &cs::Primitive,
-        meshlet: meshopt::Meshlet<'_>,
-        mut cluster: ClusterData,
-    ) {
-        let vertices = || meshlet.vertices.iter().map(|&vertex| vertex as usize);
-        for vertex in vertices() {
-            self.words.extend(primitive.positions[vertex].to_array().map(f32::to_bits));
-        }
-        cluster.attributes = self.words.len() as u32;
-        for vertex in vertices() {
-            let normal = primitive.normals.get(vertex).copied().unwrap_or(Vec3::Y);
-            let uv = primitive.uvs[0].get(vertex).copied().unwrap_or_default();
-            self.words.push(snorm_pair(oct(normal)));
-            self.words.push(primitive.tangents.get(vertex).map_or(u32::MAX, |&t| tangent_word(t)));
-            self.words.extend([uv.x.to_bits(), uv.y.to_bits()]);
-        }
-        if !primitive.uvs[1].is_empty() || !primitive.colors.is_empty() {
-            cluster.extras = self.words.len() as u32;
-            for vertex in vertices() {
-                let first = primitive.uvs[0].get(vertex).copied().unwrap_or_default();
-                let uv = primitive.uvs[1].get(vertex).copied().unwrap_or(first);
-                let color = primitive.colors.get(vertex).copied().unwrap_or(Vec4::ONE);
-                self.words.extend([uv.x.to_bits(), uv.y.to_bits(), color_word(color)]);
-            }
-        }
-        cluster.triangles = self.words.len() as u32;
-        let corners = meshlet.triangles.chunks_exact(3);
-        self.words.extend(corners.map(|c| u32::from(c[0]) | u32::from(c[1]) << 8 | u32::from(c[2]) << 16));
-        self.clusters.push(cluster);
-    }
-}
-
-/// Octahedral coordinates of a unit vector; twin of `oct_from_unit` in `oct.wesl`.
-fn oct(n: Vec3) -> Vec2 {
-    let p = Vec2::new(n.x, n.y) / (n.x.abs() + n.y.abs() + n.z.abs()).max(1e-20);
-    if n.z >= 0.0 {
-        return p;
-    }
-    let sign = |v: f32| if v >= 0.0 { 1.0 } else { -1.0 };
-    Vec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y))
-}
-
-fn snorm_pair(v: Vec2) -> u32 {
-    let code = |x: f32| u32::from((x.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
-    code(v.x) | code(v.y) << 16
-}
-
-/// The bitangent's sign takes the low bit of the second component.
-fn tangent_word(tangent: Vec4) -> u32 {
-    let word = snorm_pair(oct(tangent.truncate())) & !(1 << 16);
-    // All ones means none; the neighbour is half a thousandth of a degree away.
-    (word | u32::from(tangent.w < 0.0) << 16).min(u32::MAX - 1)
-}
-
-/// Square roots of linear colour in unorm bytes: finer where it is dark.
-fn color_word(color: Vec4) -> u32 {
-    let code = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u32;
-    code(color.x.max(0.0).sqrt())
-        | code(color.y.max(0.0).sqrt()) << 8
-        | code(color.z.max(0.0).sqrt()) << 16
-        | code(color.w) << 24
 }

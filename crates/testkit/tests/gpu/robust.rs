@@ -1,8 +1,8 @@
 //! Strange input must not become NaN or infinity in the picture.
 
 use chiaro::scene::{LightKind, Material, Mesh, Primitive, Reflection};
-use chiaro::{Pipeline, View};
-use chiaro_testkit::{Stage, Studio, device, direct};
+use chiaro::{Pipeline, Settings, View};
+use chiaro_testkit::{Stage, Studio, device};
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 
 /// Two triangles of ordinary shape and one without an area, with the given normals.
@@ -81,12 +81,13 @@ fn strange_materials_and_triangles_stay_finite() {
     let gpu = device();
     let stage = strange();
     for pipeline in [Pipeline::Deferred, Pipeline::Forward] {
+        let mut settings = Settings { pipeline, ..Settings::default() };
+        settings.set("surface.msaa", "1").unwrap();
+        let mut studio = Studio::new(&gpu, settings.clone());
+        let scene = studio.load(&stage.scene);
         for lighting in ["pbr", "phong", "lambert"] {
-            let mut settings = direct(&[("surface.lighting", lighting), ("surface.msaa", "1")]);
-            settings.set("indirect.technique", "ambient").unwrap();
-            settings.pipeline = pipeline;
-            let mut studio = Studio::new(&gpu, settings);
-            let scene = studio.load(&stage.scene);
+            settings.set("surface.lighting", lighting).unwrap();
+            studio.set(settings.clone());
             // From the front, from behind, and from within the plane, where next to nothing is to be seen.
             let eyes = [Vec3::new(0.0, 0.0, 10.0), Vec3::new(0.5, 0.2, -10.0), Vec3::new(9.0, 0.0, 0.0)];
             for (number, eye) in eyes.into_iter().enumerate() {
