@@ -234,8 +234,9 @@ impl Buffer {
         usage: wgpu::BufferUsages,
     ) -> Self {
         let bytes: &[u8] = bytemuck::cast_slice(data);
-        let buffer =
-            Self::new(gpu, name, Life::Kept, bytes.len() as u64, usage | wgpu::BufferUsages::COPY_DST);
+        // An empty array still binds as one element.
+        let size = bytes.len().max(size_of::<T>()) as u64;
+        let buffer = Self::new(gpu, name, Life::Kept, size, usage | wgpu::BufferUsages::COPY_DST);
         if !bytes.is_empty() {
             gpu.queue.write_buffer(buffer.raw(), 0, bytes);
         }

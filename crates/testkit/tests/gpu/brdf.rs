@@ -151,7 +151,7 @@ struct Pair {
 fn light_and_eye_can_change_places() {
     let mut random = crate::culling::Random::new(7);
     let mut direction = || {
-        let (z, phi) = (random.within(0.03, 1.0), random.within(0.0, 6.283));
+        let (z, phi) = (random.within(0.03, 1.0), random.within(0.0, std::f32::consts::TAU));
         let r = (1.0 - z * z).sqrt();
         Vec3::new(r * phi.cos(), r * phi.sin(), z).normalize().to_array()
     };

@@ -45,7 +45,7 @@ fn strange() -> Stage {
         Material { base_color: Vec4::ZERO, specular: 0.0, ..Material::default() },
         // A normal map without length.
         Material { normal_texture: Some(flat), normal_scale: 0.0, ..Material::default() },
-        Material { emissive: Vec3::splat(1e30), ..Material::default() },
+        Material { emissive: Vec3::splat(1e4), ..Material::default() },
         Material { reflection: Reflection::Unlit, ..Material::default() },
     ];
     let normals = [Vec3::Z, Vec3::NEG_Z, Vec3::ZERO, Vec3::X];
@@ -61,6 +61,7 @@ fn strange() -> Stage {
             stage.place(mesh(normal, tangent, material), pose);
         }
     }
+    // Neither sun is mirrored into an eye: highlights of smooth metal may be as bright as the target holds.
     stage.sun(1000.0, Vec3::new(0.2, -0.5, -1.0));
     stage.sun(1000.0, Vec3::NEG_Z);
     // In the plane of a quad, and in its very middle.
@@ -93,8 +94,10 @@ fn strange_materials_and_triangles_stay_finite() {
             for (number, eye) in eyes.into_iter().enumerate() {
                 let view = View::look_at(eye, Vec3::ZERO, 1.0, 0.05);
                 let image = studio.radiance(&scene, &view, [96, 96], 2);
-                let wrong =
-                    image.pixels().iter().filter(|p| p.iter().any(|v| !v.is_finite() || *v < 0.0)).count();
+                // The least of a NaN and the target's largest value is the latter: NaN shows as white.
+                let white = 60_000.0 / scene.radiance_scale;
+                let strange = |v: &f32| !v.is_finite() || *v < 0.0 || *v > white;
+                let wrong = image.pixels().iter().filter(|pixel| pixel.iter().any(strange)).count();
                 assert_eq!(wrong, 0, "{pipeline:?} {lighting} from {eye}");
                 let lit = image.pixels().iter().flatten().any(|v| *v > 0.0);
                 assert!(lit || number == 2, "{pipeline:?} {lighting} from {eye}: nothing is seen");
