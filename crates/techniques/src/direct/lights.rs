@@ -22,8 +22,8 @@ pub fn light_data(scene: &Scene) -> (Vec<LightData>, usize) {
                 LightKind::Point => (LightData::POINT, 0.0, std::f32::consts::PI),
                 LightKind::Spot { inner_rad, outer_rad } => (LightData::SPOT, inner_rad, outer_rad),
             };
-            // KHR_lights_punctual's reference attenuation; the spread is kept from zero as there.
-            let scale = 1.0 / (f32::cos(inner) - f32::cos(outer)).max(1e-3 * 1e-3);
+            // KHR_lights_punctual's reference attenuation, whose floor of 1e-3 would soften hard cones: here a millionth.
+            let scale = 1.0 / (f32::cos(inner) - f32::cos(outer)).max(1e-6);
             let direction = world_from_light.transform_vector3(Vec3::NEG_Z).normalize_or(Vec3::NEG_Z);
             LightData {
                 position_ws: world_from_light.translation.into(),

@@ -158,8 +158,8 @@ fn sun(
     };
     let scene = box_of(&corners(bounds));
     let seen = box_of(&seen_by(camera, bounds));
-    // Receivers lie in both boxes. A camera that looks past the scene sees no receiver: any rectangle will do.
-    let (mut lo, mut hi) = (scene.0.max(seen.0).truncate(), scene.1.min(seen.1).truncate());
+    // A camera that looks past the scene sees no receiver: any rectangle will do.
+    let (mut lo, mut hi) = (seen.0.truncate(), seen.1.truncate());
     if lo.cmpge(hi).any() {
         (lo, hi) = (scene.0.truncate(), scene.1.truncate());
     }
@@ -181,20 +181,66 @@ fn sun(
     ShadowView { clip_from_ws, eye_ws: direction.extend(0.0), resolution, data: view }
 }
 
-/// Corners of the part of space that the camera sees, as far as the scene reaches.
+/// Vertices of the part of the scene's box that the camera sees; empty when it looks past it.
+///
+/// Every vertex of the intersection of two convex bodies lies on a face of one of them: each body's faces are clipped
+/// by the other's planes (Sutherland & Hodgman 1974).
 fn seen_by(camera: &CameraView, bounds: (Vec3, Vec3)) -> Vec<Vec3> {
     let reach = corners(bounds).into_iter().map(|c| c.distance(camera.eye_ws)).fold(0.0, f32::max);
-    let mut points = Vec::with_capacity(8);
-    for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
+    let ends = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
         // Two points of the pixel's ray, whatever the projection.
         let near = camera.ws_from_clip.project_point3(Vec3::new(x, y, 1.0));
         let further = camera.ws_from_clip.project_point3(Vec3::new(x, y, 0.5));
-        let ray = (further - near).normalize_or_zero();
-        points.push(near);
         // A ray slanted from the axis must reach as deep as the axis itself.
-        points.push(near + ray * (reach * 2.0));
+        (near, near + (further - near).normalize_or_zero() * (2.0 * reach))
+    });
+    let view: Vec<Vec<Vec3>> = (0..4)
+        .map(|i| (ends[i], ends[(i + 1) % 4]))
+        .map(|((near, far), (next_near, next_far))| vec![near, next_near, next_far, far])
+        .chain([ends.map(|(near, _)| near).to_vec()])
+        .collect();
+    let c = corners(bounds);
+    let faces = [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]];
+    let scene: Vec<Vec<Vec3>> = faces.map(|face| face.map(|i| c[i]).to_vec()).to_vec();
+    let view_middle = ends.iter().map(|(near, far)| near + far).sum::<Vec3>() / 8.0;
+    let scene_planes = planes(&scene, 0.5 * (bounds.0 + bounds.1));
+    let view_planes = planes(&view, view_middle);
+    let clipped = |faces: &[Vec<Vec3>], planes: &[Vec4]| -> Vec<Vec3> {
+        faces
+            .iter()
+            .flat_map(|face| planes.iter().fold(face.clone(), |face, plane| clip(&face, *plane)))
+            .collect()
+    };
+    [clipped(&scene, &view_planes), clipped(&view, &scene_planes)].concat()
+}
+
+/// Planes of convex faces, positive towards `inside`. A face without area bounds nothing.
+fn planes(faces: &[Vec<Vec3>], inside: Vec3) -> Vec<Vec4> {
+    let plane = |face: &Vec<Vec3>| {
+        let normal = (face[1] - face[0]).cross(face[2] - face[1]).try_normalize();
+        // A pyramid's near side may be a point, whose neighbours still span the plane.
+        let normal = normal.or_else(|| (face[2] - face[1]).cross(face[3] - face[2]).try_normalize())?;
+        let plane = normal.extend(-normal.dot(face[2]));
+        Some(if plane.dot(inside.extend(1.0)) < 0.0 { -plane } else { plane })
+    };
+    faces.iter().filter_map(plane).collect()
+}
+
+/// The part of a convex polygon on a plane's positive side.
+fn clip(polygon: &[Vec3], plane: Vec4) -> Vec<Vec3> {
+    let height = |p: Vec3| plane.dot(p.extend(1.0));
+    let mut kept = Vec::with_capacity(polygon.len() + 1);
+    for (i, &p) in polygon.iter().enumerate() {
+        let q = polygon[(i + 1) % polygon.len()];
+        let (hp, hq) = (height(p), height(q));
+        if hp >= 0.0 {
+            kept.push(p);
+        }
+        if (hp >= 0.0) != (hq >= 0.0) {
+            kept.push(p + (q - p) * (hp / (hp - hq)));
+        }
     }
-    points
+    kept
 }
 
 /// The rectangle on a grid of its own texels and in steps of its size, so that a small move of the camera moves the
@@ -273,6 +319,21 @@ mod tests {
         }
         let toward_sun = views[0].clip_from_ws.project_point3(Vec3::new(0.0, 4.0, 0.0)).z;
         assert!(toward_sun > views[0].clip_from_ws.project_point3(Vec3::ZERO).z);
+    }
+
+    #[test]
+    fn a_suns_map_is_no_larger_than_what_the_camera_sees_of_the_scene() {
+        // From 20 m above, 0.2 rad to each side, a floor of 200 m shows 8 m; the map may round that up by a quarter octave.
+        let floor = (Vec3::new(-100.0, -0.1, -100.0), Vec3::new(100.0, 0.0, 100.0));
+        let projection = reversed_perspective(Vec2::splat(0.2), 0.1, 1000.0);
+        let eye = Vec3::new(0.0, 20.0, 0.0);
+        let down = Mat4::from_rotation_x(std::f32::consts::FRAC_PI_2) * Mat4::from_translation(-eye);
+        let camera = CameraView { eye_ws: eye, ws_from_clip: (projection * down).inverse() };
+        let sun = light(LightData::DIRECTIONAL, Vec3::new(0.8, -0.6, 0.0));
+        let settings = ShadowSettings::default();
+        let (views, _) = fit(&mut [sun], floor, &camera, &settings);
+        let side_m = views[0].data.texel_m * settings.resolution as f32;
+        assert!((8.0..10.0).contains(&side_m), "{side_m}");
     }
 
     #[test]
