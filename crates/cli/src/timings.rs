@@ -20,6 +20,8 @@ pub struct PassSpread {
     pub name: String,
     /// Times recorded in a frame.
     pub count: usize,
+    /// Frames that recorded it: fewer than all where its result was kept.
+    pub frames: usize,
     #[serde(flatten)]
     pub time: Spread,
 }
@@ -84,8 +86,9 @@ pub fn summarise(frames: &[FrameTimings]) -> Option<Summary> {
             };
             let per_frame: Vec<_> = frames.iter().map(of).filter(|times| !times.is_empty()).collect();
             let count = per_frame.last().map_or(0, Vec::len);
+            let recorded = per_frame.len();
             let time = spread(per_frame.iter().map(|times| times.iter().sum()).collect());
-            PassSpread { name: name.to_owned(), count, time }
+            PassSpread { name: name.to_owned(), count, frames: recorded, time }
         })
         .collect();
     let sums = frames.iter().map(|frame| frame.passes.iter().map(|pass| pass.ms).sum()).collect();
@@ -102,11 +105,16 @@ pub fn table(machine: &Machine, summary: &Summary) -> String {
     let mut text = format!("GPU time on {}, {} frames\n", machine.adapter, summary.frames);
     let mut row = |name: &str, time: &Spread| {
         // Writing to a string does not fail.
-        let _ = writeln!(text, "  {name:<28}{:>10.3} ms   ± {:.3}", time.median_ms, time.iqr_ms);
+        let _ = writeln!(text, "  {name:<36}{:>10.3} ms   ± {:.3}", time.median_ms, time.iqr_ms);
     };
     for pass in &summary.passes {
-        let name = if pass.count > 1 { format!("{} ×{}", pass.name, pass.count) } else { pass.name.clone() };
-        row(&name, &pass.time);
+        let times = if pass.count > 1 { format!(" ×{}", pass.count) } else { String::new() };
+        let frames = if pass.frames < summary.frames {
+            format!(", {} frames only", pass.frames)
+        } else {
+            String::new()
+        };
+        row(&format!("{}{times}{frames}", pass.name), &pass.time);
     }
     row("sum of passes", &summary.pass_sum);
     row("frame, first to last", &summary.frame_span);

@@ -4,6 +4,7 @@
 //! group 3 and its attachments; nothing is listed by hand.
 
 use std::collections::{HashMap, HashSet};
+use std::sync::Weak;
 
 use wgpu_profiler::GpuProfiler;
 
@@ -40,7 +41,8 @@ pub struct PassLog {
 
 struct CachedGroup {
     bind_group: wgpu::BindGroup,
-    last_frame: u64,
+    // Of the handles it was made from: a group whose textures nobody holds any more must let go of them.
+    alive: Vec<Weak<()>>,
 }
 
 /// What lives from frame to frame: bind groups, staging memory, the profiler and the last frame's log.
@@ -64,9 +66,6 @@ impl std::fmt::Debug for Recorder {
             .finish_non_exhaustive()
     }
 }
-
-/// Bind groups that no frame used for so many frames are dropped, and with them the textures they hold.
-const KEEP_FRAMES: u64 = 32;
 
 impl Recorder {
     /// A recorder; with `timed`, every pass is timed where the device can.
@@ -97,8 +96,7 @@ impl Recorder {
         self.frame += 1;
         self.log.clear();
         self.written.clear();
-        let frame = self.frame;
-        self.groups.retain(|_, group| frame - group.last_frame <= KEEP_FRAMES);
+        self.groups.retain(|_, group| group.alive.iter().all(|handle| handle.strong_count() > 0));
         Frame { recorder: self, encoder }
     }
 
@@ -155,8 +153,7 @@ impl Recorder {
             let (id, offset) = find(interface, binds, &wanted.name).key();
             self.key.extend([id, offset]);
         }
-        if let Some(group) = self.groups.get_mut(self.key.as_slice()) {
-            group.last_frame = self.frame;
+        if let Some(group) = self.groups.get(self.key.as_slice()) {
             return Some(group.bind_group.clone());
         }
         let entries: Vec<_> = interface.own[slot]
@@ -172,7 +169,9 @@ impl Recorder {
             layout,
             entries: &entries,
         });
-        let cached = CachedGroup { bind_group: bind_group.clone(), last_frame: self.frame };
+        let handles = interface.own[slot].iter().map(|wanted| find(interface, binds, &wanted.name));
+        let alive = handles.filter_map(Binding::alive).collect();
+        let cached = CachedGroup { bind_group: bind_group.clone(), alive };
         self.groups.insert(self.key.as_slice().into(), cached);
         Some(bind_group)
     }

@@ -5,7 +5,7 @@
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use crate::Gpu;
 
@@ -59,6 +59,7 @@ impl TextureOptions {
 #[derive(Debug)]
 struct TextureInner {
     id: u64,
+    alive: Arc<()>,
     name: &'static str,
     life: Life,
     options: TextureOptions,
@@ -105,7 +106,17 @@ impl Texture {
                 })
             })
             .collect();
-        Self(Arc::new(TextureInner { id: next_id(), name, life, options, texture, view, layer_views, pool }))
+        Self(Arc::new(TextureInner {
+            id: next_id(),
+            alive: Arc::default(),
+            name,
+            life,
+            options,
+            texture,
+            view,
+            layer_views,
+            pool,
+        }))
     }
 
     /// The name that logs and debug views show.
@@ -206,6 +217,7 @@ impl TexturePool {
 #[derive(Debug)]
 struct BufferInner {
     id: u64,
+    alive: Arc<()>,
     name: &'static str,
     life: Life,
     buffer: wgpu::Buffer,
@@ -223,7 +235,7 @@ impl Buffer {
         let size = size.max(16).next_multiple_of(4);
         let descriptor = wgpu::BufferDescriptor { label: Some(name), size, usage, mapped_at_creation: false };
         let buffer = gpu.device.create_buffer(&descriptor);
-        Self(Arc::new(BufferInner { id: next_id(), name, life, buffer }))
+        Self(Arc::new(BufferInner { id: next_id(), alive: Arc::default(), name, life, buffer }))
     }
 
     /// Makes a kept buffer holding `data`.
@@ -310,6 +322,15 @@ impl<'a> Binding<'a> {
             Self::Buffer(buffer) => (buffer.id(), 0),
             Self::BufferRange(buffer, offset, _) => (buffer.id(), offset),
             Self::Sampler(_) => (0, 0),
+        }
+    }
+
+    /// Dies with the last handle; samplers live as long as their passes.
+    pub(crate) fn alive(self) -> Option<Weak<()>> {
+        match self {
+            Self::Texture(texture) => Some(Arc::downgrade(&texture.0.alive)),
+            Self::Buffer(buffer) | Self::BufferRange(buffer, ..) => Some(Arc::downgrade(&buffer.0.alive)),
+            Self::Sampler(_) => None,
         }
     }
 

@@ -33,7 +33,7 @@ pub(crate) struct FrameInputs<'a> {
 
 pub(crate) fn record(
     pipeline: Pipeline,
-    passes: &Passes,
+    passes: &mut Passes,
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
 ) -> FrameOutputs {
@@ -43,7 +43,7 @@ pub(crate) fn record(
     }
 }
 
-fn deferred(passes: &Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>) -> FrameOutputs {
+fn deferred(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>) -> FrameOutputs {
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
     let shadows = passes.shadows.record(frame, group, scene, inputs.shadow_views);
@@ -54,7 +54,7 @@ fn deferred(passes: &Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>) ->
     FrameOutputs { radiance, shadows, light_grid, surface: Some(surface) }
 }
 
-fn forward(passes: &Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>) -> FrameOutputs {
+fn forward(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>) -> FrameOutputs {
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
     let shadows = passes.shadows.record(frame, group, scene, inputs.shadow_views);

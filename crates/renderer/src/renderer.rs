@@ -213,7 +213,7 @@ impl Renderer {
         let forward = settings.pipeline == Pipeline::Forward;
         self.passes.frame_group.reserve(&self.gpu, lights.len(), shadow_views.len());
         self.passes.surfaces.reserve(&self.gpu, &self.pool, &scene.gpu, size_px);
-        self.passes.shadows.reserve(&self.gpu, &scene.gpu, &shadow_views);
+        self.passes.shadows.reserve(&self.gpu, &scene.gpu, &shadow_views, settings.shadow.cache);
         self.passes.direct.reserve(&self.gpu, &self.pool, size_px, grid, forward);
         let camera = CullView::new(&clip_from_ws, eye, true, false);
         self.prepared = Some(Prepared { data, camera, shadow_views, lights, sky });
@@ -223,7 +223,7 @@ impl Renderer {
     ///
     /// # Panics
     /// When [`Renderer::prepare`] was not called.
-    pub fn frame(&self, frame: &mut Frame<'_>, scene: &LoadedScene, wants_surface: bool) -> FrameOutputs {
+    pub fn frame(&mut self, frame: &mut Frame<'_>, scene: &LoadedScene, wants_surface: bool) -> FrameOutputs {
         let Some(prepared) = &self.prepared else { panic!("a frame must be prepared before it is recorded") };
         let group = &self.passes.frame_group;
         frame.upload(&group.frame, &[prepared.data]);
@@ -237,7 +237,7 @@ impl Renderer {
             sky: prepared.sky,
             wants_surface,
         };
-        record(self.settings.pipeline, &self.passes, frame, &inputs)
+        record(self.settings.pipeline, &mut self.passes, frame, &inputs)
     }
 }
 

@@ -66,7 +66,7 @@ impl Studio {
     pub fn radiance(&mut self, scene: &LoadedScene, view: &View, size: [u32; 2], samples: u32) -> Image {
         let options = StillOptions { size, samples, aovs: Vec::new() };
         let still = need(self.renderer.still(scene, view, &options));
-        image(&need(still.radiance.wait(&self.gpu)))
+        image(&need(still.radiance.wait(&self.gpu)), samples)
     }
 
     /// The mean of one quantity over `samples` frames.
@@ -77,7 +77,7 @@ impl Studio {
         let options = StillOptions { size, samples, aovs: vec![aov] };
         let mut still = need(self.renderer.still(scene, view, &options));
         let Some((_, readback)) = still.aovs.pop() else { panic!("no {aov:?} came back") };
-        image(&need(readback.wait(&self.gpu)))
+        image(&need(readback.wait(&self.gpu)), samples)
     }
 
     /// The tone-mapped picture.
@@ -97,11 +97,11 @@ impl Studio {
     }
 }
 
-/// Sums of RGB with the number of frames in alpha, as means.
-fn image(pixels: &chiaro::Pixels) -> Image {
+/// Sums of so many frames as means; alpha is coverage, of no use here.
+fn image(pixels: &chiaro::Pixels, samples: u32) -> Image {
     let floats = pixels.floats();
     let (texels, _) = floats.as_chunks::<4>();
-    let means = texels.iter().map(|&[r, g, b, frames]| [r, g, b].map(|sum| sum / frames.max(1.0)));
+    let means = texels.iter().map(|&[r, g, b, _]| [r, g, b].map(|sum| sum / samples.max(1) as f32));
     need(Image::from_pixels(pixels.width, pixels.height, means.collect()))
 }
 

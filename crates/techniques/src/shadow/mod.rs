@@ -11,7 +11,8 @@
 //! | scene geometry | maps | Depth32Float array, a layer a view | reversed light-clip z |
 //!
 //! Limits: a spot wider than 160° is lit but unshadowed beyond that; one map for a sun is coarse in large scenes.
-//! Cost: 4 bytes and one raster of the culled casters per map and frame.
+//! Cost: 4 bytes a texel, and one raster of the culled casters whenever light, camera (suns) or scene changed: a map that
+//! rests is kept (`shadow.cache`).
 
 mod settings;
 mod views;
@@ -60,6 +61,9 @@ pub struct ShadowMaps {
     outputs: ShadowOutputs,
     draw_views: Buffer,
     capacity: usize,
+    // What lies in the maps: the views they were rendered for, and the scene.
+    rendered: (u64, Vec<ShadowView>),
+    keeps: bool,
     cull_front: bool,
     facts: SceneFacts,
 }
@@ -106,6 +110,8 @@ impl ShadowMaps {
             outputs: ShadowOutputs { maps: maps(gpu, 1, 1), compare, gather },
             draw_views: draw_views(gpu, 1),
             capacity: 1,
+            rendered: (0, Vec::new()),
+            keeps: true,
             cull_front: settings.bias_cull_front,
             facts,
         })
@@ -116,48 +122,65 @@ impl ShadowMaps {
         self.cull_front == settings.bias_cull_front && self.facts == facts
     }
 
-    /// Makes room for so many views. Not inside a frame.
-    pub fn reserve(&mut self, gpu: &Gpu, scene: &SceneGpu, views: &[ShadowView]) {
+    /// Makes room for so many views. Not inside a frame. With `keeps`, views that rest keep their maps.
+    pub fn reserve(&mut self, gpu: &Gpu, scene: &SceneGpu, views: &[ShadowView], keeps: bool) {
         self.culling.reserve(gpu, scene, views.len());
         let resolution = views.first().map_or(1, |view| view.resolution);
         let layers = views.len().max(1) as u32;
         let options = self.outputs.maps.options();
         if options.width != resolution || options.layers != Some(layers) {
             self.outputs.maps = maps(gpu, resolution, layers);
+            self.rendered.1.clear();
         }
+        if self.rendered.0 != scene.id() || !keeps {
+            self.rendered = (scene.id(), Vec::new());
+        }
+        self.keeps = keeps;
         if views.len() > self.capacity {
             self.capacity = views.len();
             self.draw_views = draw_views(gpu, self.capacity);
         }
     }
 
-    /// Renders every view's map.
+    /// Renders the maps of views that moved since they were rendered last.
     pub fn record(
-        &self,
+        &mut self,
         frame: &mut Frame<'_>,
         frame_group: &Group,
         scene: &SceneGpu,
         views: &[ShadowView],
     ) -> ShadowOutputs {
-        let matrices: Vec<_> = views
+        let moved: Vec<(u32, &ShadowView)> = (0..)
+            .zip(views)
+            .filter(|(layer, view)| self.rendered.1.get(*layer as usize) != Some(*view))
+            .collect();
+        let matrices: Vec<_> = moved
             .iter()
-            .map(|v| DrawView { clip_from_ws: v.clip_from_ws.to_cols_array_2d(), _pad: Zeroable::zeroed() })
+            .map(|(_, v)| DrawView {
+                clip_from_ws: v.clip_from_ws.to_cols_array_2d(),
+                _pad: Zeroable::zeroed(),
+            })
             .collect();
         frame.upload(&self.draw_views, &matrices);
         let keeps_near = frame.gpu().optional.depth_clip_control;
         let batch = Culling::views_at_once(frame.gpu(), scene);
         let names = ["shadow/cull_count", "shadow/cull_scan", "shadow/cull_expand"];
-        for (first, chunk) in (0..).step_by(batch).zip(views.chunks(batch)) {
-            let cull_views: Vec<_> =
-                chunk.iter().map(|v| CullView::new(&v.clip_from_ws, v.eye_ws, false, keeps_near)).collect();
+        for (first, chunk) in (0..).step_by(batch).zip(moved.chunks(batch)) {
+            let cull_views: Vec<_> = chunk
+                .iter()
+                .map(|(_, v)| CullView::new(&v.clip_from_ws, v.eye_ws, false, keeps_near))
+                .collect();
             let lists = self.culling.record(frame, names, scene, &cull_views);
-            for index in 0..chunk.len() {
-                let layer = (first + index) as u32;
+            for (index, (layer, _)) in chunk.iter().enumerate() {
                 let targets = Targets {
                     color: &[],
-                    depth: Some(DepthAttachment { texture: &self.outputs.maps, layer, clear: Some(0.0) }),
+                    depth: Some(DepthAttachment {
+                        texture: &self.outputs.maps,
+                        layer: *layer,
+                        clear: Some(0.0),
+                    }),
                 };
-                let offset = u64::from(layer) * size_of::<DrawView>() as u64;
+                let offset = ((first + index) * size_of::<DrawView>()) as u64;
                 let binds = [("draw_view", Binding::BufferRange(&self.draw_views, offset, DRAW_VIEW_BYTES))];
                 frame.render("shadow/depth", targets, |pass| {
                     let shared = &[frame_group, scene.group()];
@@ -165,13 +188,8 @@ impl ShadowMaps {
                 });
             }
         }
-        if views.is_empty() {
-            // Lighting binds the array whether or not a light looks into it.
-            let targets = Targets {
-                color: &[],
-                depth: Some(DepthAttachment { texture: &self.outputs.maps, layer: 0, clear: Some(0.0) }),
-            };
-            frame.render("shadow/none", targets, |_| {});
+        if self.keeps && (!moved.is_empty() || self.rendered.1.len() != views.len()) {
+            self.rendered = (scene.id(), views.to_vec());
         }
         self.outputs.clone()
     }
@@ -181,7 +199,7 @@ fn maps(gpu: &Gpu, resolution: u32, layers: u32) -> Texture {
     let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
     let options =
         TextureOptions::new(resolution, resolution, TextureFormat::Depth32Float, usage).array(layers);
-    Texture::new(gpu, "shadow_maps", Life::Frame, options)
+    Texture::new(gpu, "shadow_maps", Life::Kept, options)
 }
 
 fn draw_views(gpu: &Gpu, views: usize) -> Buffer {

@@ -64,6 +64,9 @@ settings! {
         pcf_kernel: PcfKernel = PcfKernel::Three, "texels", (), Permutation;
         /// All maps together take at most this much; beyond it the resolution is halved, and said.
         memory_budget: u32 = 512, "MiB", 1..=65536, Resources;
+        /// Whether maps whose light, camera and casters rest are kept from frame to frame. Off renders all of them every
+        /// frame, as for lights that move.
+        cache: bool = true, "", (), Uniform;
         /// Whether every texel is compared with the receiver's plane at that texel: a plane then needs no other bias, at
         /// the cost of comparing in the shader. Without it the hardware compares, all texels with one depth.
         bias_receiver_plane as "bias.receiver_plane": bool = true, "", (), Permutation;

@@ -2,6 +2,8 @@
 //!
 //! Items, a cluster at an instance, are sorted by class, so that one prefix sum lays out the draws of all classes.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{self, BindingType, BufferBindingType, ShaderStages};
 use chiaro_gpu::{Binding, Buffer, Gpu, GpuError, Group, GroupLayout, Texture};
@@ -33,6 +35,8 @@ pub struct ItemData {
     pub instance: u32,
 }
 
+static NEXT_ID: AtomicU64 = AtomicU64::new(1);
+
 /// A draw list entry keeps 24 bits for the item.
 const MAX_ITEMS: usize = 1 << 24;
 
@@ -47,6 +51,7 @@ fn class(material: &cs::Material) -> usize {
 /// A scene's buffers and textures, and the facts that passes need about it.
 #[derive(Debug)]
 pub struct SceneGpu {
+    id: u64,
     group: Group,
     /// Draws in all: clusters times their instances.
     pub item_count: u32,
@@ -185,6 +190,7 @@ impl SceneGpu {
         let bytes = buffers.iter().map(|b| b.raw().size()).sum::<u64>()
             + arrays.iter().map(Texture::bytes).sum::<u64>();
         Ok(Self {
+            id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
             group,
             item_count: items.len() as u32,
             class_first,
@@ -194,6 +200,11 @@ impl SceneGpu {
             facts: SceneFacts::of(scene, size_classes),
             bytes,
         })
+    }
+
+    /// A number that no other scene has, so that caches know what they hold.
+    pub fn id(&self) -> u64 {
+        self.id
     }
 
     /// The filled group.

@@ -201,3 +201,39 @@ fn a_plane_has_no_acne_under_a_spot() {
         }
     }
 }
+
+#[test]
+fn a_map_is_rendered_again_only_when_its_light_or_its_casters_changed() {
+    let gpu = device();
+    let lamp = |x: f32| {
+        let mut stage = floor();
+        let material = stage.lambert(1.0);
+        stage.quad(Vec3::Z, Vec3::X * 0.5, Vec3::NEG_Z * 0.5, material);
+        stage.light(
+            LightKind::Spot { inner_rad: 0.9, outer_rad: 1.0 },
+            10.0,
+            None,
+            Vec3::new(x, 4.0, 0.0),
+            Vec3::NEG_Y,
+        );
+        stage
+    };
+    let mut renderer = chiaro::Renderer::new(&gpu, direct(&[])).unwrap();
+    let [first, second] = [0.0, 0.5].map(|x| renderer.load(&lamp(x).scene).unwrap());
+    let mut recorder = chiaro::Recorder::new(&gpu, false);
+    let mut renders = |renderer: &mut chiaro::Renderer, scene: &LoadedScene| {
+        renderer.prepare(scene, &camera_above(3.0), [32, 32], Vec2::ZERO, 1.0);
+        let mut frame = recorder.begin();
+        renderer.frame(&mut frame, scene, false);
+        frame.submit();
+        recorder.log().iter().any(|pass| pass.name == "shadow/depth")
+    };
+    assert!(renders(&mut renderer, &first), "the first frame has no map yet");
+    assert!(!renders(&mut renderer, &first), "nothing changed");
+    assert!(renders(&mut renderer, &second), "another scene");
+    assert!(!renders(&mut renderer, &second), "nothing changed");
+    let mut uncached = renderer.settings().clone();
+    uncached.set("shadow.cache", "false").unwrap();
+    renderer.set(uncached).unwrap();
+    assert!(renders(&mut renderer, &second) && renders(&mut renderer, &second), "the cache is off");
+}
