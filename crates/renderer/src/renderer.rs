@@ -3,7 +3,7 @@
 use chiaro_gpu::{Frame, Gpu, GroupLayout, Recorder, TexturePool, wgpu};
 use chiaro_scene::Scene;
 use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
-use chiaro_techniques::indirect::{Ambient, ambient};
+use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
 use chiaro_techniques::shadow::{CameraView, ShadowMaps, ShadowView, fit};
 use chiaro_techniques::shared::albedo_table;
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
@@ -36,6 +36,8 @@ pub struct Renderer {
     pub(crate) pool: TexturePool,
     prepared: Option<Prepared>,
     previous_clip_from_ws: Option<Mat4>,
+    // For which scene and eye, and what it was.
+    sky_view: Option<(u64, Vec3, SkyView)>,
     notes: Vec<String>,
 }
 
@@ -81,6 +83,7 @@ impl Renderer {
             pool: TexturePool::default(),
             prepared: None,
             previous_clip_from_ws: None,
+            sky_view: None,
             notes: Vec::new(),
         })
     }
@@ -181,7 +184,7 @@ impl Renderer {
         let (shadow_views, notes) = fit(&mut lights, bounds, &camera_view, &settings.shadow);
         self.notes = notes;
         let grid = grid_size(size_px, lights.len() - scene.directional);
-        let sky_view = scene.openness.sky_view(view.eye_ws());
+        let sky_view = sky_view(&mut self.sky_view, scene, view.eye_ws());
         let Ambient { radiance: around, sky } = ambient(&settings.indirect, &lights, bounds, sky_view);
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
@@ -238,6 +241,18 @@ impl Renderer {
             wants_surface,
         };
         record(self.settings.pipeline, &mut self.passes, frame, &inputs)
+    }
+}
+
+/// How much sky the eye sees; looked up again only when it moved.
+fn sky_view(known: &mut Option<(u64, Vec3, SkyView)>, scene: &LoadedScene, eye_ws: Vec3) -> SkyView {
+    match *known {
+        Some((id, eye, view)) if id == scene.gpu.id() && eye == eye_ws => view,
+        _ => {
+            let view = scene.openness.sky_view(eye_ws);
+            *known = Some((scene.gpu.id(), eye_ws, view));
+            view
+        }
     }
 }
 
