@@ -110,7 +110,7 @@ pub fn table(machine: &Machine, summary: &Summary) -> String {
     for pass in &summary.passes {
         let times = if pass.count > 1 { format!(" ×{}", pass.count) } else { String::new() };
         let frames = if pass.frames < summary.frames {
-            format!(", {} frames only", pass.frames)
+            format!(", {} of the frames", pass.frames)
         } else {
             String::new()
         };
