@@ -65,7 +65,7 @@ pub fn open_gpu() -> anyhow::Result<Gpu> {
 }
 
 fn settings(args: &SettingsArgs) -> anyhow::Result<Settings> {
-    let mut settings = Settings::default();
+    let mut settings = Settings { seed: args.seed, ..Settings::default() };
     if let Some(preset) = &args.preset {
         let is_file = std::path::Path::new(preset).extension().is_some_and(|e| e.eq_ignore_ascii_case("ron"));
         let text = is_file

@@ -54,16 +54,12 @@ pub struct Recorder {
     key: Vec<u64>,
     log: Vec<PassLog>,
     written: HashSet<u64>,
-    frame: u64,
     timings: Vec<FrameTimings>,
 }
 
 impl std::fmt::Debug for Recorder {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Recorder")
-            .field("frame", &self.frame)
-            .field("groups", &self.groups.len())
-            .finish_non_exhaustive()
+        f.debug_struct("Recorder").field("groups", &self.groups.len()).finish_non_exhaustive()
     }
 }
 
@@ -77,7 +73,6 @@ impl Recorder {
             key: Vec::new(),
             log: Vec::new(),
             written: HashSet::new(),
-            frame: 0,
             timings: Vec::new(),
             gpu: gpu.clone(),
         }
@@ -93,7 +88,6 @@ impl Recorder {
     /// Starts a frame in a host program's encoder. Hand it back to the host with [`Frame::finish`], and call
     /// [`Recorder::submitted`] after the host submitted it.
     pub fn begin_in(&mut self, encoder: wgpu::CommandEncoder) -> Frame<'_> {
-        self.frame += 1;
         self.log.clear();
         self.written.clear();
         self.groups.retain(|_, group| group.alive.iter().all(|handle| handle.strong_count() > 0));

@@ -200,7 +200,7 @@ impl Renderer {
             grid,
             grid_slices: slices(view, bounds, grid[2]),
             lighting_model: settings.surface.lighting as u32,
-            seed: 0,
+            seed: settings.seed,
             ambient: around.map(|channel| channel.to_array()),
             sky: sky.to_array(),
             radiance_scale: scene.radiance_scale,

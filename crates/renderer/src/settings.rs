@@ -24,6 +24,8 @@ pub enum Pipeline {
 pub struct Settings {
     /// Frame function.
     pub pipeline: Pipeline,
+    /// What all random choices start from; the same seed and settings give the same image.
+    pub seed: u32,
     /// `camera.*`
     pub camera: CameraSettings,
     /// `surface.*`

@@ -7,6 +7,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::shaders;
 use crate::shared::frame::{FrameData, LightData, ShadowViewData};
 use crate::surface::clusters::ClusterData;
+use crate::surface::culling::{CullClasses, CullView};
 use crate::surface::material::MaterialData;
 use crate::surface::scene::{InstanceData, ItemData};
 
@@ -132,6 +133,8 @@ fn rust_structs_equal_their_wesl_twins() {
         specular_texture,
         specular_color_texture,
     );
+    same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags);
+    same!(&linked("surface/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride);
 }
 
 #[test]

@@ -153,6 +153,7 @@ impl DirectLight {
         });
     }
 
+    // Frames are recorded after `reserve`, which fills the targets: no frame without it is a mistake of the caller's code.
     fn targets(&self) -> &Buffers {
         match &self.targets {
             Some(targets) => targets,
@@ -209,6 +210,7 @@ impl DirectLight {
     ) -> Texture {
         let targets = self.targets();
         let Some((color, depth)) = &targets.multisampled else {
+            // `reserve` makes them where its `forward` is set, as the forward pipeline does.
             panic!("direct: no forward targets reserved")
         };
         // One sample needs no resolve: the radiance target is drawn into.

@@ -31,7 +31,7 @@ struct Accumulation {
     nits: f32,
 }
 
-/// A quantity shown by itself.
+/// A quantity shown by itself, in the order of `aov.cs.wesl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Aov {
     /// Direct light, nits.
@@ -69,19 +69,6 @@ impl Aov {
     pub fn by_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|(_, n)| *n == name).map(|(aov, _)| aov)
     }
-
-    fn code(self) -> u32 {
-        match self {
-            Self::Direct => 0,
-            Self::Albedo => 1,
-            Self::Normal => 2,
-            Self::Depth => 3,
-            Self::Shadow => 4,
-            Self::Indirect => 5,
-            Self::Roughness => 6,
-            Self::GeometricNormal => 8,
-        }
-    }
 }
 
 /// Two textures that take turns as sum and sum before.
@@ -98,11 +85,6 @@ impl Sum {
         let options = TextureOptions::new(width, height, TextureFormat::Rgba32Float, usage);
         let textures = [0, 1].map(|_| pool.lend(gpu, "sum", Life::Kept, options));
         Self { textures, frames: 0 }
-    }
-
-    /// Starts anew.
-    pub fn restart(&mut self) {
-        self.frames = 0;
     }
 
     /// The newest sum: nits, and coverage by surfaces in alpha.
@@ -200,13 +182,8 @@ impl Display {
             Exposure::Ev100(ev) => (0, ev),
         };
         frame.upload(&self.exposure_input, &[[automatic, ev.to_bits(), 0, 0]]);
-        let curve = match settings.tone_map {
-            Curve::None => 0,
-            Curve::Aces => 1,
-            Curve::Agx => 2,
-        };
         let frames = (sum.frames.max(1) as f32).to_bits();
-        frame.upload(&self.curve, &[[curve, frames, 0, 0]]);
+        frame.upload(&self.curve, &[[settings.tone_map as u32, frames, 0, 0]]);
         frame.upload(&self.histogram_input, &[[frames, 0, 0, 0]]);
         frame.clear(&self.bins);
         let sum_texture = ("sum", sum.texture().into());
@@ -255,7 +232,7 @@ impl AovPass {
         sum: &mut Sum,
     ) {
         let input = &self.inputs[index];
-        frame.upload(input, &[[aov.code(), sum.frames, 0, 0]]);
+        frame.upload(input, &[[aov as u32, sum.frames, 0, 0]]);
         let mut binds: Vec<Bind<'_>> = lighting_binds(shadows, light_grid).to_vec();
         binds.extend(surface_binds(surface));
         binds.push(("aov_input", input.into()));

@@ -4,7 +4,7 @@ use crate::settings::Value;
 use crate::{choice, settings};
 
 choice! {
-    /// The curve from exposed radiance to the screen.
+    /// The curve from exposed radiance to the screen, in the order of `tone_map.cs.wesl`.
     pub enum Curve {
         /// Punchy, filmic, hue shifts towards white.
         Aces = "aces",

@@ -70,11 +70,12 @@ settings! {
         /// Whether every texel is compared with the receiver's plane at that texel: a plane then needs no other bias, at
         /// the cost of comparing in the shader. Without it the hardware compares, all texels with one depth.
         bias_receiver_plane as "bias.receiver_plane": bool = true, "", (), Permutation;
-        /// Receiver offset along its normal, as a share of what a plane needs under the filter: 1 is exactly enough.
+        /// Receiver offset along its normal, as a share of what the comparison needs (a quarter texel along the
+        /// receiver's plane, else the filter's reach): 1 is enough.
         /// More hides acne on curved surfaces and lets thin shadows shrink.
-        bias_normal_offset as "bias.normal_offset": f32 = 1.0, "of the filter radius", 0.0..=8.0, Uniform;
+        bias_normal_offset as "bias.normal_offset": f32 = 1.0, "of what is needed", 0.0..=8.0, Uniform;
         /// Receiver offset towards the light that grows with tan θ, as a share of what a plane needs.
-        bias_slope as "bias.slope": f32 = 0.0, "of the filter radius", 0.0..=8.0, Uniform;
+        bias_slope as "bias.slope": f32 = 0.0, "of what is needed", 0.0..=8.0, Uniform;
         /// Receiver offset towards the light, in texels of the map at the receiver.
         bias_constant as "bias.constant": f32 = 0.25, "texels", 0.0..=64.0, Uniform;
         /// Whether only back faces cast: no acne on closed objects, but light leaks at their feet.

@@ -30,9 +30,9 @@ pub const DEPTH_COMPARE: CompareFunction = CompareFunction::Greater;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct CullView {
-    planes: [[f32; 4]; 6],
-    eye_ws: [f32; 4],
-    flags: [u32; 4],
+    pub(crate) planes: [[f32; 4]; 6],
+    pub(crate) eye_ws: [f32; 4],
+    pub(crate) flags: [u32; 4],
 }
 
 impl CullView {
@@ -59,12 +59,11 @@ impl CullView {
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct CullClasses {
-    first: [u32; 4],
-    item_count: u32,
-    list_base: u32,
-    list_stride: u32,
-    view_count: u32,
+pub(crate) struct CullClasses {
+    pub(crate) first: [u32; 4],
+    pub(crate) item_count: u32,
+    pub(crate) list_stride: u32,
+    _pad: [u32; 2],
 }
 
 #[repr(C)]
@@ -193,9 +192,8 @@ impl Culling {
         let classes = CullClasses {
             first: scene.class_first,
             item_count: scene.item_count,
-            list_base: 0,
             list_stride: scene.triangle_count,
-            view_count: views.len() as u32,
+            _pad: [0; 2],
         };
         frame.upload(&buffers.classes, &[classes]);
         let (items, view_count) = (scene.item_count, views.len() as u32);
