@@ -90,11 +90,8 @@ fn look_along(forward: Vec3) -> Quat {
 fn node(name: &str, at: Vec3, forward: Vec3) -> Node {
     Node {
         name: name.to_owned(),
-        parent: None,
         parent_from_node: Transform::Matrix(Affine3A::from_rotation_translation(look_along(forward), at)),
-        mesh: None,
-        camera: None,
-        light: None,
+        ..Node::default()
     }
 }
 
@@ -114,7 +111,7 @@ mod tests {
         };
         let node = Node { mesh: Some(0), ..node("triangle", Vec3::ZERO, Vec3::NEG_Z) };
         Scene {
-            meshes: vec![Mesh { name: String::new(), primitives: vec![primitive] }],
+            meshes: vec![Mesh { primitives: vec![primitive], ..Mesh::default() }],
             materials: vec![Material::default()],
             nodes: vec![node],
             ..Scene::default()

@@ -9,13 +9,16 @@
 
 pub mod builtin;
 mod defaults;
+mod deform;
 mod error;
 mod import;
 #[cfg(test)]
 mod invariants;
 mod mesh;
 pub mod model;
+mod pose;
 
 pub use error::SceneError;
 pub use import::load;
 pub use model::*;
+pub use pose::Pose;

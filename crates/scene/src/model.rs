@@ -2,9 +2,12 @@
 //!
 //! Invariants that import and built-in scenes guarantee and everything downstream relies on:
 //! every index is in range, every float is finite, every primitive has at least one triangle, its streams have
-//! equal lengths (or are empty where optional), normals are unit length, and the node graph is a forest.
+//! equal lengths (or are empty where optional), normals are unit length, and the node graph is a forest. Keyframe
+//! times ascend, and every channel has as many values as its interpolation needs.
 
-use glam::{Affine3A, Mat4, Vec2, Vec3, Vec4};
+use glam::{Affine3A, Mat4, Quat, Vec2, Vec3, Vec4};
+
+use crate::Pose;
 
 /// Index into one of [`Scene`]'s tables.
 pub type Id = usize;
@@ -28,12 +31,18 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Lights; each is placed by the node that refers to it.
     pub lights: Vec<Light>,
+    /// Skins; a node that draws a mesh refers to one.
+    pub skins: Vec<Skin>,
+    /// What moves, and how.
+    pub animations: Vec<Animation>,
+    /// What surrounds everything.
+    pub environment: Option<Environment>,
     /// What was read but simplified or left out, in words for the user.
     pub warnings: Vec<String>,
 }
 
 /// A place in the hierarchy and what stands there.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Node {
     /// Name from the file, possibly empty, not necessarily unique.
     pub name: String,
@@ -41,8 +50,12 @@ pub struct Node {
     pub parent: Option<Id>,
     /// Pose relative to the parent.
     pub parent_from_node: Transform,
-    /// Mesh drawn here.
+    /// Mesh drawn here. With a skin, the joints place it and this node's own pose counts for nothing.
     pub mesh: Option<Id>,
+    /// Skin that bends the mesh; only together with one whose primitives all have [`Primitive::joints`].
+    pub skin: Option<Id>,
+    /// Weights of the mesh's morph targets at rest; empty = those of the mesh.
+    pub morph_weights: Vec<f32>,
     /// Camera placed here, looking along −Z with +Y up.
     pub camera: Option<Id>,
     /// Light placed here, shining along −Z.
@@ -88,8 +101,17 @@ impl Transform {
 pub struct Mesh {
     /// Name from the file.
     pub name: String,
-    /// One per material.
+    /// One per material. All have the same number of morph targets.
     pub primitives: Vec<Primitive>,
+    /// Weights of the morph targets at rest, as many as there are targets.
+    pub morph_weights: Vec<f32>,
+}
+
+impl Mesh {
+    /// How many morph targets every primitive has.
+    pub fn morph_targets(&self) -> usize {
+        self.primitives.first().map_or(0, |primitive| primitive.morph_targets.len())
+    }
 }
 
 /// Triangles with one material. Counter-clockwise seen from the front.
@@ -106,10 +128,113 @@ pub struct Primitive {
     pub uvs: [Vec<Vec2>; 2],
     /// Linear RGBA factor on the base colour; empty means white.
     pub colors: Vec<Vec4>,
+    /// Indices into [`Skin::joints`], four per vertex; empty without a skin.
+    pub joints: Vec<[u16; 4]>,
+    /// Share of each of the four joints, ≥ 0 with sum 1; as many as [`Self::joints`].
+    pub joint_weights: Vec<Vec4>,
+    /// Shapes to mix in.
+    pub morph_targets: Vec<MorphTarget>,
     /// Three per triangle, each below `positions.len()`.
     pub indices: Vec<u32>,
     /// Index into [`Scene::materials`].
     pub material: Id,
+}
+
+/// Differences from a primitive's own vertices, added in proportion to the target's weight before skinning.
+/// Each stream is as long as the positions, or empty for no difference.
+#[derive(Clone, Debug, Default)]
+pub struct MorphTarget {
+    /// Object space, metres.
+    pub positions: Vec<Vec3>,
+    /// Object space; the sum is normalised.
+    pub normals: Vec<Vec3>,
+    /// Object space; the sum is normalised, the bitangent's sign stays.
+    pub tangents: Vec<Vec3>,
+}
+
+/// The bones that bend a mesh.
+#[derive(Clone, Debug, Default)]
+pub struct Skin {
+    /// Name from the file.
+    pub name: String,
+    /// Nodes that act as joints.
+    pub joints: Vec<Id>,
+    /// From the mesh's object space to each joint's own space, in the pose that the mesh was modelled in.
+    pub joint_from_object: Vec<Affine3A>,
+}
+
+/// Keyframes that play together, from time 0 to the last key.
+#[derive(Clone, Debug, Default)]
+pub struct Animation {
+    /// Name from the file.
+    pub name: String,
+    /// One per animated property of a node.
+    pub channels: Vec<Channel>,
+}
+
+impl Animation {
+    /// Time of the last key, seconds.
+    pub fn duration_s(&self) -> f32 {
+        self.channels.iter().filter_map(|channel| channel.times_s.last()).fold(0.0, |a, &b| a.max(b))
+    }
+}
+
+/// One property of one node over time.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// Which node moves.
+    pub node: Id,
+    /// Strictly ascending, ≥ 0, at least one.
+    pub times_s: Vec<f32>,
+    /// Between the keys.
+    pub interpolation: Interpolation,
+    /// At the keys.
+    pub keys: Keys,
+}
+
+/// What is between two keys.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Interpolation {
+    /// The earlier key's value.
+    Step,
+    /// A straight line; for rotations the shorter arc at even speed.
+    #[default]
+    Linear,
+    /// A cubic Hermite spline: every key has an in-tangent, a value and an out-tangent (per second), in that order.
+    Cubic,
+}
+
+/// Values at the keys: one per key, or three where the interpolation is cubic.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Keys {
+    /// Metres, relative to the parent.
+    Translation(Vec<Vec3>),
+    /// Unit quaternions (tangents of any length).
+    Rotation(Vec<Quat>),
+    /// Factor per axis.
+    Scale(Vec<Vec3>),
+    /// As many in a row per value as the node's mesh has morph targets.
+    MorphWeights(Vec<f32>),
+}
+
+/// Radiance from infinitely far, by direction: a latitude-longitude picture.
+#[derive(Clone, PartialEq)]
+pub struct Environment {
+    /// Name for messages.
+    pub name: String,
+    /// Pixels around, ≥ 1.
+    pub width: u32,
+    /// Pixels from straight up (first row) to straight down, ≥ 1.
+    pub height: u32,
+    /// Nits, linear Rec. 709, finite and ≥ 0, row by row. A direction d is at u = atan2(d.x, −d.z) / 2π (modulo 1),
+    /// v = acos(d.y) / π: the middle column looks along +Z, and u grows as the eye turns right.
+    pub radiance: Vec<Vec3>,
+}
+
+impl std::fmt::Debug for Environment {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Environment({} {}×{})", self.name, self.width, self.height)
+    }
 }
 
 /// How a surface's alpha is used.
@@ -375,28 +500,14 @@ pub enum LightKind {
 }
 
 impl Scene {
-    /// World transform of every node, in node order.
+    /// World transform of every node at rest, in node order.
     pub fn world_from_node(&self) -> Vec<Affine3A> {
-        let mut world: Vec<Affine3A> = Vec::with_capacity(self.nodes.len());
-        for node in &self.nodes {
-            let own = node.parent_from_node.affine();
-            world.push(node.parent.map_or(own, |parent| world[parent] * own));
-        }
-        world
+        self.rest().world_from_node
     }
 
-    /// Smallest and largest corner of all drawn geometry in world space, metres; `None` without geometry.
+    /// Smallest and largest corner of all drawn geometry in world space at rest, metres; `None` without geometry.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        let world = self.world_from_node();
-        let mut bounds: Option<(Vec3, Vec3)> = None;
-        for (node, world_from_object) in self.nodes.iter().zip(&world) {
-            let Some(mesh) = node.mesh else { continue };
-            for position in self.meshes[mesh].primitives.iter().flat_map(|p| &p.positions) {
-                let p = world_from_object.transform_point3(*position);
-                bounds = Some(bounds.map_or((p, p), |(lo, hi)| (lo.min(p), hi.max(p))));
-            }
-        }
-        bounds
+        self.bounds_at(&self.rest())
     }
 
     /// Number of triangles drawn, every instance counted.
@@ -405,16 +516,25 @@ impl Scene {
         self.nodes.iter().filter_map(|node| node.mesh).map(of).sum()
     }
 
-    /// World pose of every camera that a node places, as (camera, world_from_camera).
+    /// World pose at rest of every camera that a node places, as (camera, world_from_camera).
     pub fn placed_cameras(&self) -> Vec<(Id, Mat4)> {
-        let world = self.world_from_node();
-        let placed = self.nodes.iter().zip(world).filter_map(|(n, m)| n.camera.map(|c| (c, Mat4::from(m))));
-        placed.collect()
+        self.placed_cameras_at(&self.rest())
+    }
+
+    /// World pose of every camera that a node places, as (camera, world_from_camera).
+    pub fn placed_cameras_at(&self, pose: &Pose) -> Vec<(Id, Mat4)> {
+        let placed = self.nodes.iter().zip(&pose.world_from_node);
+        placed.filter_map(|(node, m)| node.camera.map(|c| (c, Mat4::from(*m)))).collect()
+    }
+
+    /// World pose at rest of every light that a node places, as (light, world_from_light).
+    pub fn placed_lights(&self) -> Vec<(Id, Affine3A)> {
+        self.placed_lights_at(&self.rest())
     }
 
     /// World pose of every light that a node places, as (light, world_from_light).
-    pub fn placed_lights(&self) -> Vec<(Id, Affine3A)> {
-        let world = self.world_from_node();
-        self.nodes.iter().zip(world).filter_map(|(n, m)| n.light.map(|l| (l, m))).collect()
+    pub fn placed_lights_at(&self, pose: &Pose) -> Vec<(Id, Affine3A)> {
+        let placed = self.nodes.iter().zip(&pose.world_from_node);
+        placed.filter_map(|(node, m)| node.light.map(|l| (l, *m))).collect()
     }
 }

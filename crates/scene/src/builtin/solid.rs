@@ -155,7 +155,11 @@ impl Solid {
         materials.dedup();
         let primitive =
             |m: Id| primitive(self.triangles.iter().filter(|t| t.material == m), m, with_tangents(m));
-        Mesh { name: name.to_owned(), primitives: materials.into_iter().map(primitive).collect() }
+        Mesh {
+            name: name.to_owned(),
+            primitives: materials.into_iter().map(primitive).collect(),
+            ..Mesh::default()
+        }
     }
 }
 

@@ -61,11 +61,9 @@ impl Stage {
         let name = self.scene.meshes[mesh].name.clone();
         self.scene.nodes.push(Node {
             name,
-            parent: None,
             parent_from_node: Transform::Trs { translation, rotation, scale: Vec3::ONE },
             mesh: Some(mesh),
-            camera: None,
-            light: None,
+            ..Node::default()
         });
     }
 
@@ -112,10 +110,7 @@ fn aimed(name: &str, from: Vec3, target: Vec3) -> Node {
     let rotation = Quat::from_mat3(&Mat3::from_cols(right, back.cross(right), back));
     Node {
         name: name.to_owned(),
-        parent: None,
         parent_from_node: Transform::Trs { translation: from, rotation, scale: Vec3::ONE },
-        mesh: None,
-        camera: None,
-        light: None,
+        ..Node::default()
     }
 }

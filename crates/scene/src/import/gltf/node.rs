@@ -56,6 +56,7 @@ pub(super) fn convert<'a>(
             camera: source.camera().map(|camera| tables.camera(file, &camera, &name, scene)).transpose()?,
             light: source.light().map(|light| tables.light(file, &light, &name, scene)).transpose()?,
             name,
+            ..Node::default()
         };
         scene.nodes.push(node);
         let children: Vec<_> = source.children().collect();

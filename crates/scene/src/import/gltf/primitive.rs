@@ -30,7 +30,7 @@ impl<'a> Meshes<'_, 'a> {
         source: &::gltf::Mesh<'a>,
         warnings: &mut Warnings,
     ) -> Result<Mesh, SceneError> {
-        let mut mesh = Mesh { name: source.name().unwrap_or_default().to_owned(), primitives: Vec::new() };
+        let mut mesh = Mesh { name: source.name().unwrap_or_default().to_owned(), ..Mesh::default() };
         for primitive in source.primitives() {
             let place = format!("meshes[{}].primitives[{}]", source.index(), primitive.index());
             mesh.primitives.extend(self.primitive(&primitive, &place, warnings)?);

@@ -42,7 +42,7 @@ pub(super) fn meshes(
             }
         }
         complete(&mut primitives, materials, &name, warnings);
-        meshes.push(Mesh { name, primitives });
+        meshes.push(Mesh { name, primitives, ..Mesh::default() });
     }
     Ok(meshes)
 }

@@ -41,11 +41,9 @@ pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError>
         scene.meshes.push(mesh);
         scene.nodes.push(Node {
             name,
-            parent: None,
             parent_from_node: Transform::default(),
             mesh: Some(mesh_id),
-            camera: None,
-            light: None,
+            ..Node::default()
         });
     }
     materials.finish(&mut scene);
