@@ -34,9 +34,11 @@ const STOREY: f32 = 4.75;
 const TOP: f32 = 8.6;
 
 /// The arches between columns.
-const ARCH: Opening = Opening { arch: PointedArch::new(1.03, 1.0), springing: SPRINGING + 0.02, sill: 0.0, segments: 12 };
+const ARCH: Opening =
+    Opening { arch: PointedArch::new(1.03, 1.0), springing: SPRINGING + 0.02, sill: 0.0, segments: 12 };
 /// The upper storey's windows.
-const WINDOW: Opening = Opening { arch: PointedArch::new(0.52, 1.0), springing: 7.0, sill: 5.65, segments: 10 };
+const WINDOW: Opening =
+    Opening { arch: PointedArch::new(0.52, 1.0), springing: 7.0, sill: 5.65, segments: 10 };
 
 /// Materials.
 struct Palette {
@@ -65,6 +67,7 @@ pub fn build() -> Scene {
         towards_sun: vec3(-0.52, 0.92, 0.36).normalize(),
         turbidity: 2.8,
         sun_lux: 92_000.0,
+        sky_lux: 14_500.0,
         ground: vec3(0.28, 0.24, 0.19),
     };
     stage.sun(sky.towards_sun, vec3(1.0, 0.945, 0.86), sky.sun_lux);
@@ -165,7 +168,12 @@ fn sides(stage: &mut Stage, m: &Palette) {
     for i in 0..3 {
         let x = BAY * (i as f32 - 1.0) / 3.0;
         let (a, b) = (ARCADE_M - 0.1, WALK[0] - COURT + 0.1);
-        beams.append(bevelled(vec3(x - 0.09, STOREY - 0.22, -b), vec3(x + 0.09, STOREY + 0.02, -a), 0.012, m.oak));
+        beams.append(bevelled(
+            vec3(x - 0.09, STOREY - 0.22, -b),
+            vec3(x + 0.09, STOREY + 0.02, -a),
+            0.012,
+            m.oak,
+        ));
     }
     let beams = stage.mesh("beams", beams);
     let door = stage.mesh("door", door(m));
@@ -221,7 +229,9 @@ fn column(material: Id) -> Solid {
 /// A body between two squares about the vertical axis: half widths and heights.
 fn square_ring(half: [f32; 2], y: [f32; 2], material: Id) -> Solid {
     let square = |half: f32, y: f32| {
-        [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)].map(|(x, z)| vec3(half * x, y, half * z)).to_vec()
+        [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)]
+            .map(|(x, z)| vec3(half * x, y, half * z))
+            .to_vec()
     };
     let rings = [square(half[0], y[0]), square(half[1], y[0]), square(half[1], y[1]), square(half[0], y[1])];
     skin(&rings, Joins { ring: true, path: true }, |_| material).smooth(1.0).outward().planar_uv()
@@ -230,14 +240,23 @@ fn square_ring(half: [f32; 2], y: [f32; 2], material: Id) -> Solid {
 /// What runs round the whole court.
 fn rings(stage: &mut Stage, m: &Palette) {
     let court = COURT - 0.15;
-    stage.body("court", cuboid(vec3(-court - 0.1, -0.3, -court - 0.1), vec3(court + 0.1, 0.0, court + 0.1), m.paving));
+    stage.body(
+        "court",
+        cuboid(vec3(-court - 0.1, -0.3, -court - 0.1), vec3(court + 0.1, 0.0, court + 0.1), m.paving),
+    );
     stage.body("walk", square_ring([court + 0.22, WALK[1] - 0.05], [-0.3, STEP_M - 0.002], m.tiles));
     stage.body("kerb", square_ring([court, COURT + ARCADE_M + 0.12], [-0.25, STEP_M], m.stone));
     stage.body("drain", square_ring([court - 0.62, court - 0.34], [-0.2, 0.006], m.stone));
     stage.body("outer wall", square_ring(WALK, [-0.3, TOP], m.plaster));
     stage.body("skirting", square_ring([WALK[0] - 0.025, WALK[0] + 0.1], [0.0, STEP_M + 0.28], m.stone));
-    stage.body("upper floor", square_ring([COURT + ARCADE_M - 0.2, WALK[0] + 0.2], [STOREY, STOREY + 0.25], m.oak));
-    stage.body("string course", square_ring([COURT - 0.07, COURT + 0.1], [STOREY - 0.02, STOREY + 0.13], m.stone));
+    stage.body(
+        "upper floor",
+        square_ring([COURT + ARCADE_M - 0.2, WALK[0] + 0.2], [STOREY, STOREY + 0.25], m.oak),
+    );
+    stage.body(
+        "string course",
+        square_ring([COURT - 0.07, COURT + 0.1], [STOREY - 0.02, STOREY + 0.13], m.stone),
+    );
     let mut cornice = square_ring([COURT - 0.08, COURT + 0.2], [TOP - 0.28, TOP - 0.12], m.stone);
     cornice.append(square_ring([COURT - 0.18, COURT + 0.2], [TOP - 0.14, TOP - 0.02], m.stone));
     cornice.append(square_ring([COURT - 0.30, WALK[1] + 0.1], [TOP - 0.04, TOP + 0.10], m.stone));
@@ -247,8 +266,18 @@ fn rings(stage: &mut Stage, m: &Palette) {
     let pier = bevelled(vec3(-0.40, 0.1, -0.40), vec3(0.40, SPRINGING - 0.10, 0.40), 0.02, m.stone);
     let mut pier = pier;
     pier.append(bevelled(vec3(-0.46, 0.1, -0.46), vec3(0.46, STEP_M + 0.22, 0.46), 0.02, m.stone));
-    pier.append(bevelled(vec3(-0.46, SPRINGING - 0.13, -0.46), vec3(0.46, SPRINGING + 0.01, 0.46), 0.02, m.stone));
-    pier.append(bevelled(vec3(-0.27, SPRINGING - 0.02, -0.27), vec3(0.27, TOP - 0.05, 0.27), 0.01, m.plaster));
+    pier.append(bevelled(
+        vec3(-0.46, SPRINGING - 0.13, -0.46),
+        vec3(0.46, SPRINGING + 0.01, 0.46),
+        0.02,
+        m.stone,
+    ));
+    pier.append(bevelled(
+        vec3(-0.27, SPRINGING - 0.02, -0.27),
+        vec3(0.27, TOP - 0.05, 0.27),
+        0.01,
+        m.plaster,
+    ));
     let pier = stage.mesh("corner pier", pier);
     let at = COURT + 0.25;
     for (x, z) in [(at, at), (at, -at), (-at, at), (-at, -at)] {
@@ -259,16 +288,23 @@ fn rings(stage: &mut Stage, m: &Palette) {
 /// Four slopes that rise away from the court, with barrel tiles along the eaves.
 fn roof(stage: &mut Stage, m: &Palette) {
     let square = |half: f32, y: f32| {
-        [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)].map(|(x, z)| vec3(half * x, y, half * z)).to_vec()
+        [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)]
+            .map(|(x, z)| vec3(half * x, y, half * z))
+            .to_vec()
     };
     let (eaves, back) = (COURT - 0.50, WALK[1] + 0.2);
-    let rings =
-        [square(eaves, TOP + 0.10), square(back, TOP + 0.08), square(back, TOP + 1.9), square(eaves, TOP + 0.16)];
+    let rings = [
+        square(eaves, TOP + 0.10),
+        square(back, TOP + 0.08),
+        square(back, TOP + 1.9),
+        square(eaves, TOP + 0.16),
+    ];
     let slopes = skin(&rings, Joins { ring: true, path: true }, |_| m.roof).smooth(1.0).outward().planar_uv();
     stage.body("roof", slopes);
     let count = 68;
     let step = 2.0 * eaves / count as f32;
-    let tile = super::curve::tube(&[vec3(0.0, 0.0, -0.9), vec3(0.0, 0.0, 0.0)], |_| step * 0.36, 12, m.terracotta);
+    let tile =
+        super::curve::tube(&[vec3(0.0, 0.0, -0.9), vec3(0.0, 0.0, 0.0)], |_| step * 0.36, 12, m.terracotta);
     let mut row = Solid::default();
     let slope = Affine3A::from_rotation_x((1.74 / (back - eaves)).atan());
     for i in 0..count {
@@ -304,7 +340,12 @@ fn door(m: &Palette) -> Solid {
 fn bench(material: Id) -> Solid {
     let mut out = bevelled(vec3(-1.0, STEP_M + 0.38, 0.02), vec3(1.0, STEP_M + 0.46, 0.46), 0.015, material);
     for x in [-0.78, 0.78] {
-        out.append(bevelled(vec3(x - 0.11, STEP_M - 0.05, 0.06), vec3(x + 0.11, STEP_M + 0.39, 0.40), 0.02, material));
+        out.append(bevelled(
+            vec3(x - 0.11, STEP_M - 0.05, 0.06),
+            vec3(x + 0.11, STEP_M + 0.39, 0.40),
+            0.02,
+            material,
+        ));
     }
     out
 }
@@ -312,7 +353,8 @@ fn bench(material: Id) -> Solid {
 /// A round basin with a bowl on a foot; water in both.
 fn fountain(stage: &mut Stage, m: &Palette) {
     let lip = |r: f32, y: f32| arc(vec2(r, y), 0.055, -60.0, 240.0, 10);
-    let mut basin = vec![vec2(1.62, -0.05), vec2(1.62, 0.10), vec2(1.50, 0.14), vec2(1.46, 0.20), vec2(1.47, 0.44)];
+    let mut basin =
+        vec![vec2(1.62, -0.05), vec2(1.62, 0.10), vec2(1.50, 0.14), vec2(1.46, 0.20), vec2(1.47, 0.44)];
     basin.extend(lip(1.46, 0.52));
     basin.extend([vec2(1.34, 0.46), vec2(1.32, 0.20), vec2(1.20, 0.10), vec2(1.20, -0.05)]);
     let mut stone = lathe_ring(&basin, 72, m.stone);

@@ -37,11 +37,8 @@ pub fn build() -> Scene {
     let ground = ground_material(&mut stage, &land);
     let rock = stage.surface("rock", &rock_surface(512), 2.0);
     let [base_color_texture, normal_texture] = rock;
-    let rock = stage.material(Material {
-        base_color_texture,
-        normal_texture,
-        ..plain("rock", Vec3::ONE, 0.9)
-    });
+    let rock =
+        stage.material(Material { base_color_texture, normal_texture, ..plain("rock", Vec3::ONE, 0.9) });
     let [base_color_texture, normal_texture] =
         stage.surface("plinth stone", &dressed_stone(512, 2, 1.6, vec3(0.42, 0.40, 0.37), 31), 1.6);
     let plinth = stage.material(Material {
@@ -65,6 +62,7 @@ pub fn build() -> Scene {
         towards_sun: vec3(-0.80, 0.50, -0.28).normalize(),
         turbidity: 3.0,
         sun_lux: 82_000.0,
+        sky_lux: 13_500.0,
         ground: vec3(0.16, 0.15, 0.09),
     };
     stage.sun(sky.towards_sun, vec3(1.0, 0.92, 0.80), sky.sun_lux);
@@ -80,13 +78,16 @@ pub fn build() -> Scene {
 
 /// Hills around a valley, ridged and rained on, with a level place for the monument.
 fn heights() -> HeightMap {
-    let level = |column: usize, row: usize| (vec3(column as f32, 0.0, row as f32) * SPACING_M) - vec3(HALF_M, 0.0, HALF_M);
+    let level = |column: usize, row: usize| {
+        (vec3(column as f32, 0.0, row as f32) * SPACING_M) - vec3(HALF_M, 0.0, HALF_M)
+    };
     let mut map = HeightMap::new(SIDE, |column, row| {
         let p = level(column, row);
         let bent = p + 7.0 * vec3(noise3(p / 22.0, 5), 0.0, noise3(p / 22.0 + 31.0, 6));
         let ridge = |scale: f32, seed: u32| 1.0 - 2.0 * noise3(bent / scale, seed).abs();
         let from_place = vec2(p.x - PLACE.x, p.z - PLACE.z).length();
-        let hills = 13.0 * ridge(38.0, 1).powi(2) + 5.0 * ridge(15.0, 2).powi(2) * (from_place / 30.0).min(1.0);
+        let hills =
+            13.0 * ridge(38.0, 1).powi(2) + 5.0 * ridge(15.0, 2).powi(2) * (from_place / 30.0).min(1.0);
         let rim = 7.0 * (from_place / 45.0).powi(2).min(1.6);
         let detail = 1.6 * fractal3(bent / 5.0, 3, 9);
         // Towards the viewer the land falls, so that hills stand behind the monument and not before it.
@@ -94,8 +95,8 @@ fn heights() -> HeightMap {
         ((hills + rim) * open * (0.25 + (from_place / 40.0).min(1.0)) + detail) / SPACING_M
     });
     map.erode(9_000, 77);
+    map.smooth(0.6);
     map.smooth(0.5);
-    map.smooth(0.35);
     map.shape(|column, row, height| {
         let p = level(column, row);
         let from_place = vec2(p.x - PLACE.x, p.z - PLACE.z).length();
@@ -186,7 +187,7 @@ fn sculpture(material: Id) -> Primitive {
 /// Boulders of three shapes, more of them where it is steep.
 fn boulders(stage: &mut Stage, land: &Land, material: Id) {
     let meshes = [0, 1, 2].map(|kind| {
-        let mut solid = ball(1.0, 4, material);
+        let mut solid = ball(1.0, 3, material);
         for t in &mut solid.triangles {
             t.p = t.p.map(|p| {
                 let lumps = 1.0 + 0.9 * fractal3(p * 1.1 + 9.0 * kind as f32, 4, 90 + kind);

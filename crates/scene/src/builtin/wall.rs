@@ -35,7 +35,13 @@ pub struct Reveal {
 
 /// A panel pierced by an opening whose reveal follows `profile` from the inner to the outer face. With `to_floor`
 /// the opening has no sill but ends at the panel's lower edge. Materials: the wall's and the reveal's.
-pub fn pierced(panel: Panel, opening: Opening, profile: &[Reveal], to_floor: bool, [wall, trim]: [Id; 2]) -> Solid {
+pub fn pierced(
+    panel: Panel,
+    opening: Opening,
+    profile: &[Reveal],
+    to_floor: bool,
+    [wall, trim]: [Id; 2],
+) -> Solid {
     let at = |outline: Vec<Vec2>, depth: f32| outline.iter().map(|p| p.extend(-depth)).collect::<Vec<_>>();
     let edge = opening.panel_edge(panel.half_width, panel.bottom, panel.top);
     let mut rings = vec![at(edge.clone(), 0.0)];

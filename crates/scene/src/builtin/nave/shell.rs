@@ -11,10 +11,7 @@ use super::super::{
 };
 use super::{
     AISLE_AXIS, AISLE_WALL, AISLE_WALL_TOP, BAY, BAYS, END_WALL, FOOTING, HALF_LENGTH, NAVE_WALL,
-    NAVE_WALL_TOP,
-    materials::Palette,
-    tracery,
-    walls::splay,
+    NAVE_WALL_TOP, materials::Palette, tracery, walls::splay,
 };
 
 /// Where the end walls' lower panels end and the rose's panel begins.
@@ -115,7 +112,8 @@ fn rose_wall(m: &Palette) -> Solid {
 fn lancet(m: &Palette) -> Solid {
     let panel = Panel { half_width: 1.35, bottom: FOOTING, top: ROSE_PANEL, thickness: END_WALL };
     let opening = Opening { arch: PointedArch::new(0.62, 1.7), springing: 6.0, sill: 3.2, segments: 8 };
-    let mut out = pierced(panel, opening, &splay(0.30, 0.3, opening.sill, END_WALL), false, m.wall_and_trim());
+    let mut out =
+        pierced(panel, opening, &splay(0.30, 0.3, opening.sill, END_WALL), false, m.wall_and_trim());
     out.append(tracery::saddle_bars(opening, 0.74, m));
     out.append(tracery::pane(&tracery::lancet_outline(opening), 0.76, m.lancet_glass));
     out

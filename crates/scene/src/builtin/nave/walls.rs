@@ -57,7 +57,8 @@ pub fn clerestory(m: &Palette) -> Solid {
     let thickness = NAVE_WALL[1] - NAVE_WALL[0];
     let panel = Panel { half_width: BAY / 2.0, bottom: CLERESTORY, top: NAVE_WALL_TOP, thickness };
     let opening = CLERESTORY_WINDOW;
-    let mut solid = pierced(panel, opening, &splay(0.34, 0.8, opening.sill, thickness), false, m.wall_and_trim());
+    let mut solid =
+        pierced(panel, opening, &splay(0.34, 0.8, opening.sill, thickness), false, m.wall_and_trim());
     solid.append(tracery::two_lights(opening, 0.72, m));
     to_south(solid, NAVE_WALL[0])
 }
@@ -67,7 +68,8 @@ pub fn aisle(m: &Palette) -> Solid {
     let thickness = AISLE_WALL[1] - AISLE_WALL[0];
     let panel = Panel { half_width: BAY / 2.0, bottom: FOOTING, top: AISLE_WALL_TOP, thickness };
     let opening = AISLE_WINDOW;
-    let mut solid = pierced(panel, opening, &splay(0.34, 0.5, opening.sill, thickness), false, m.wall_and_trim());
+    let mut solid =
+        pierced(panel, opening, &splay(0.34, 0.5, opening.sill, thickness), false, m.wall_and_trim());
     solid.append(tracery::mullion(opening, 0.72, m));
     let half = BAY / 2.0;
     let bench: [(f32, f32); 6] =
