@@ -4,6 +4,7 @@ use chiaro_gpu::{Frame, Gpu, GroupLayout, Recorder, TexturePool, wgpu};
 use chiaro_scene::Scene;
 use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
 use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
+use chiaro_techniques::motion::Motion;
 use chiaro_techniques::shadow::{CameraView, ShadowMaps, ShadowView, fit};
 use chiaro_techniques::shared::albedo_table;
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
@@ -18,6 +19,7 @@ use crate::{Error, LoadedScene, Pipeline, Settings, View};
 #[derive(Debug)]
 pub(crate) struct Passes {
     pub frame_group: FrameGroup,
+    pub motion: Motion,
     pub surfaces: Surfaces,
     pub shadows: ShadowMaps,
     pub direct: DirectLight,
@@ -69,6 +71,7 @@ impl Renderer {
         let permutations = Permutations::new(&settings.shadow, settings.surface.msaa, facts);
         let passes = Passes {
             frame_group: FrameGroup::new(gpu, &frame_layout, &table),
+            motion: Motion::new(gpu)?,
             surfaces: Surfaces::new(gpu, &frame_layout, &scene_layout, facts)?,
             shadows: ShadowMaps::new(gpu, &frame_layout, &scene_layout, &settings.shadow, facts)?,
             direct: DirectLight::new(gpu, &frame_layout, &scene_layout, permutations)?,
