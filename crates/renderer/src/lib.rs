@@ -22,6 +22,7 @@
 mod error;
 mod loaded;
 mod pipelines;
+mod plan;
 mod renderer;
 mod settings;
 mod still;
@@ -38,6 +39,7 @@ pub use chiaro_techniques::settings::{Effect, Field};
 pub use error::Error;
 pub use loaded::LoadedScene;
 pub use pipelines::FrameOutputs;
+pub use plan::{Built, Kit, Plan};
 pub use renderer::Renderer;
 pub use settings::{Pipeline, Settings};
 pub use still::{Jitter, Still, StillOptions};

@@ -43,7 +43,11 @@ impl Stage {
     /// Adds a parallelogram `center ± u ± v` with its front towards `u × v`, texture coordinates 0..1 along u and
     /// against v (the image stands upright).
     pub fn quad(&mut self, center: Vec3, u: Vec3, v: Vec3, material: Id) {
-        let mesh = Mesh { name: String::new(), primitives: vec![quad(center, u, v, material)] };
+        let mesh = Mesh {
+            name: String::new(),
+            primitives: vec![quad(center, u, v, material)],
+            morph_weights: Vec::new(),
+        };
         self.place(mesh, Affine3A::IDENTITY);
     }
 
@@ -87,6 +91,8 @@ fn node(pose: Affine3A) -> Node {
         mesh: None,
         camera: None,
         light: None,
+        skin: None,
+        morph_weights: Vec::new(),
     }
 }
 
