@@ -1,6 +1,6 @@
 //! A scene ready to be rendered.
 
-use chiaro_scene::Scene;
+use chiaro_scene::{Pose, Scene};
 use chiaro_techniques::direct::{illuminance_scale, light_data};
 use chiaro_techniques::indirect::Openness;
 use chiaro_techniques::shared::frame::LightData;
@@ -27,12 +27,19 @@ const WHITE_STORED: f32 = 256.0;
 
 impl LoadedScene {
     pub(crate) fn new(gpu: SceneGpu, scene: &Scene) -> Self {
-        let (lights, directional) = light_data(scene);
+        let (lights, directional) = light_data(scene, &scene.pose(0.0));
         let radiance = illuminance_scale(&lights, gpu.bounds_ws) / std::f32::consts::PI;
         let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
         // Without any light 1 nit is as good as anything.
         let brightest = if radiance.max(glow) > 0.0 { radiance.max(glow) } else { WHITE_STORED };
         let octave = (WHITE_STORED / brightest).log2().round().clamp(-60.0, 60.0);
         Self { gpu, lights, directional, radiance_scale: octave.exp2(), openness: Openness::new(scene) }
+    }
+
+    /// Moves everything to a pose of the scene that this was loaded from, usually [`Scene::pose`] at a time. The next
+    /// frame shows it, and knows where everything was before. A loaded scene starts with the pose at time 0.
+    pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) {
+        self.gpu.set_pose(scene, pose);
+        (self.lights, self.directional) = light_data(scene, pose);
     }
 }

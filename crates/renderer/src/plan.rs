@@ -3,6 +3,7 @@
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::{Gpu, GroupLayout, Recorder};
 use chiaro_techniques::direct::{DirectLight, Permutations};
+use chiaro_techniques::motion::Motion;
 use chiaro_techniques::shadow::ShadowMaps;
 use chiaro_techniques::shared::albedo_table;
 use chiaro_techniques::shared::frame::FrameGroup;
@@ -41,6 +42,7 @@ impl Kit {
     pub(crate) fn passes(&self, settings: &Settings, facts: SceneFacts) -> Result<Passes, Error> {
         Ok(Passes {
             frame_group: self.frame_group()?,
+            motion: self.motion()?,
             surfaces: self.surfaces(facts)?,
             shadows: self.shadows(settings, facts)?,
             direct: self.direct(settings, facts)?,
@@ -54,6 +56,10 @@ impl Kit {
         albedo_table::record(&mut frame, &self.library, &table)?;
         frame.submit();
         Ok(FrameGroup::new(&self.gpu, &self.frame_layout, &table))
+    }
+
+    fn motion(&self) -> Result<Motion, Error> {
+        Ok(Motion::new(&self.gpu, &self.library)?)
     }
 
     fn surfaces(&self, facts: SceneFacts) -> Result<Surfaces, Error> {
@@ -85,18 +91,22 @@ pub struct Plan {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Missing {
     pub frame_group: bool,
+    pub motion: bool,
     pub surfaces: bool,
     pub shadows: bool,
     pub direct: bool,
 }
 
 impl Missing {
-    pub(crate) const ALL: Self = Self { frame_group: true, surfaces: true, shadows: true, direct: true };
-    const NONE: Self = Self { frame_group: false, surfaces: false, shadows: false, direct: false };
+    pub(crate) const ALL: Self =
+        Self { frame_group: true, motion: true, surfaces: true, shadows: true, direct: true };
+    const NONE: Self =
+        Self { frame_group: false, motion: false, surfaces: false, shadows: false, direct: false };
 
     pub(crate) fn from(passes: &Passes, settings: &Settings, facts: SceneFacts) -> Self {
         Self {
             frame_group: false,
+            motion: false,
             surfaces: passes.surfaces.facts() != facts,
             shadows: !passes.shadows.serves(&settings.shadow, facts),
             direct: passes.direct.permutations() != permutations(settings, facts),
@@ -114,7 +124,9 @@ pub struct Built {
     pub(crate) kit: Kit,
     pub(crate) settings: Settings,
     pub(crate) generation: u64,
+    pub(crate) is_empty: bool,
     pub(crate) frame_group: Option<FrameGroup>,
+    pub(crate) motion: Option<Motion>,
     pub(crate) surfaces: Option<Surfaces>,
     pub(crate) shadows: Option<ShadowMaps>,
     pub(crate) direct: Option<DirectLight>,
@@ -151,15 +163,18 @@ impl Plan {
     /// # Errors
     /// When a shader does not link or compile.
     pub fn build(self) -> Result<Built, Error> {
+        let is_empty = self.is_empty();
         let Self { kit, settings, facts, generation, missing } = self;
         Ok(Built {
             frame_group: missing.frame_group.then(|| kit.frame_group()).transpose()?,
+            motion: missing.motion.then(|| kit.motion()).transpose()?,
             surfaces: missing.surfaces.then(|| kit.surfaces(facts)).transpose()?,
             shadows: missing.shadows.then(|| kit.shadows(&settings, facts)).transpose()?,
             direct: missing.direct.then(|| kit.direct(&settings, facts)).transpose()?,
             kit,
             settings,
             generation,
+            is_empty,
         })
     }
 }

@@ -5,6 +5,7 @@ use chiaro_gpu::{Frame, Gpu, GroupLayout, TexturePool, wgpu};
 use chiaro_scene::Scene;
 use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
 use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
+use chiaro_techniques::motion::Motion;
 use chiaro_techniques::shaders;
 use chiaro_techniques::shadow::{CameraView, ShadowMaps, ShadowView, fit};
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
@@ -20,6 +21,7 @@ use crate::{Error, LoadedScene, Pipeline, Settings, View};
 #[derive(Debug)]
 pub(crate) struct Passes {
     pub frame_group: FrameGroup,
+    pub motion: Motion,
     pub surfaces: Surfaces,
     pub shadows: ShadowMaps,
     pub direct: DirectLight,
@@ -34,7 +36,7 @@ pub struct Renderer {
     kit: Kit,
     settings: Settings,
     passes: Passes,
-    // Counts installations, so that a plan made before the last one is known.
+    // Counts installations of passes, so that a plan made before the last one is known.
     generation: u64,
     pub(crate) pool: TexturePool,
     prepared: Option<Prepared>,
@@ -110,13 +112,19 @@ impl Renderer {
         if built.generation != self.generation {
             return false;
         }
-        self.generation += 1;
         self.settings = built.settings;
+        if built.is_empty {
+            return true;
+        }
+        self.generation += 1;
         self.kit = built.kit;
         // New passes have no room yet.
         self.prepared = None;
         if let Some(frame_group) = built.frame_group {
             self.passes.frame_group = frame_group;
+        }
+        if let Some(motion) = built.motion {
+            self.passes.motion = motion;
         }
         if let Some(surfaces) = built.surfaces {
             self.passes.surfaces = surfaces;
@@ -133,6 +141,11 @@ impl Renderer {
     /// What shaders that look up lights are compiled for.
     pub fn permutations(&self) -> Permutations {
         self.passes.direct.permutations()
+    }
+
+    /// Frees textures of sizes and kinds that are no longer in use, and that would otherwise be kept for the next use.
+    pub fn trim(&self) {
+        self.pool.trim();
     }
 
     /// The settings in force.

@@ -10,6 +10,7 @@
 pub mod caustics;
 pub mod direct;
 pub mod indirect;
+pub mod motion;
 pub mod post;
 pub mod settings;
 pub mod shaders;

@@ -14,6 +14,8 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("direct/grid.cs.wesl"),
     shader!("direct/lighting.wesl"),
     shader!("direct/shade.cs.wesl"),
+    shader!("motion/deform.cs.wesl"),
+    shader!("motion/instances.cs.wesl"),
     shader!("post/accumulate.cs.wesl"),
     shader!("post/aov.cs.wesl"),
     shader!("post/bins.wesl"),
@@ -51,6 +53,8 @@ pub fn library() -> Library {
 pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
         "direct/grid.cs.wesl",
+        "motion/deform.cs.wesl",
+        "motion/instances.cs.wesl",
         "post/accumulate.cs.wesl",
         "post/aov.cs.wesl",
         "post/exposure.cs.wesl",

@@ -43,11 +43,7 @@ impl Stage {
     /// Adds a parallelogram `center ± u ± v` with its front towards `u × v`, texture coordinates 0..1 along u and
     /// against v (the image stands upright).
     pub fn quad(&mut self, center: Vec3, u: Vec3, v: Vec3, material: Id) {
-        let mesh = Mesh {
-            name: String::new(),
-            primitives: vec![quad(center, u, v, material)],
-            morph_weights: Vec::new(),
-        };
+        let mesh = Mesh { primitives: vec![quad(center, u, v, material)], ..Mesh::default() };
         self.place(mesh, Affine3A::IDENTITY);
     }
 
@@ -84,16 +80,7 @@ impl Stage {
 }
 
 fn node(pose: Affine3A) -> Node {
-    Node {
-        name: String::new(),
-        parent: None,
-        parent_from_node: Transform::Matrix(pose),
-        mesh: None,
-        camera: None,
-        light: None,
-        skin: None,
-        morph_weights: Vec::new(),
-    }
+    Node { parent_from_node: Transform::Matrix(pose), ..Node::default() }
 }
 
 /// See [`Stage::quad`].

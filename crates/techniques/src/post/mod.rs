@@ -88,6 +88,16 @@ impl Sum {
         Self { textures, frames: 0 }
     }
 
+    /// Forgets what was summed: the next frame starts anew in the same textures.
+    pub fn restart(&mut self) {
+        self.frames = 0;
+    }
+
+    /// Frames summed.
+    pub fn frames(&self) -> u32 {
+        self.frames
+    }
+
     /// The newest sum: nits, and coverage by surfaces in alpha.
     pub fn texture(&self) -> &Texture {
         &self.textures[self.frames as usize % 2]

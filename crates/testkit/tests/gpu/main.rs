@@ -5,6 +5,7 @@ mod brdf;
 mod culling;
 mod goldens;
 mod lights;
+mod motion;
 mod pipelines;
 mod references;
 mod robust;
