@@ -15,6 +15,7 @@ mod lights;
 
 pub use lights::{grid_size, illuminance_scale, light_data};
 
+use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, Bind, Buffer, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group,
@@ -78,15 +79,15 @@ impl DirectLight {
     /// When a shader does not compile.
     pub fn new(
         gpu: &Gpu,
+        library: &Library,
         frame_layout: &GroupLayout,
         scene_layout: &GroupLayout,
         permutations: Permutations,
     ) -> Result<Self, GpuError> {
-        let library = shaders::library();
         let shared = &[frame_layout, scene_layout];
         let constants = permutations.constants();
         let shade =
-            |emissive| ComputePipeline::new(gpu, &library, &shaders::shade(emissive), shared, &constants);
+            |emissive| ComputePipeline::new(gpu, library, &shaders::shade(emissive), shared, &constants);
         let target = [wgpu::ColorTargetState {
             format: TextureFormat::Rgba16Float,
             blend: None,
@@ -105,10 +106,10 @@ impl DirectLight {
                 constants: &forward_constants,
                 ..Default::default()
             };
-            RenderPipeline::new(gpu, &library, &shaders::forward(masked, multisampled), shared, &options)
+            RenderPipeline::new(gpu, library, &shaders::forward(masked, multisampled), shared, &options)
         };
         Ok(Self {
-            grid: ComputePipeline::new(gpu, &library, &shaders::plain("direct/grid.cs.wesl"), shared, &[])?,
+            grid: ComputePipeline::new(gpu, library, &shaders::plain("direct/grid.cs.wesl"), shared, &[])?,
             shade: [shade(false)?, shade(true)?],
             forward: [forward(0)?, forward(1)?, forward(2)?, forward(3)?],
             permutations,

@@ -23,6 +23,7 @@ pub(crate) mod rest;
 use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life};
 use chiaro_scene as cs;
@@ -299,9 +300,8 @@ impl Motion {
     ///
     /// # Errors
     /// When a shader does not compile.
-    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let library = shaders::library();
-        let make = |entry| ComputePipeline::new(gpu, &library, &shaders::plain(entry), &[], &[]);
+    pub fn new(gpu: &Gpu, library: &Library) -> Result<Self, GpuError> {
+        let make = |entry| ComputePipeline::new(gpu, library, &shaders::plain(entry), &[], &[]);
         Ok(Self {
             instances: make("motion/instances.cs.wesl")?,
             deform: make("motion/deform.cs.wesl")?,

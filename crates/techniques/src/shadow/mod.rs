@@ -21,6 +21,7 @@ pub use settings::{Filter, Layout, PcfKernel, ShadowSettings};
 pub use views::{CameraView, ShadowView, fit};
 
 use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Binding, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
@@ -76,13 +77,13 @@ impl ShadowMaps {
     /// When a shader does not compile.
     pub fn new(
         gpu: &Gpu,
+        library: &Library,
         frame_layout: &GroupLayout,
         scene_layout: &GroupLayout,
         settings: &ShadowSettings,
         facts: SceneFacts,
     ) -> Result<Self, GpuError> {
         let materials = facts.constants();
-        let library = shaders::library();
         let shared = &[frame_layout, scene_layout];
         let pipeline = |class: usize| {
             let masked = class & 2 != 0;
@@ -93,7 +94,7 @@ impl ShadowMaps {
                 constants: if masked { &materials } else { &[] },
                 ..Default::default()
             };
-            RenderPipeline::new(gpu, &library, &shaders::shadow_depth(masked), shared, &options)
+            RenderPipeline::new(gpu, library, &shaders::shadow_depth(masked), shared, &options)
         };
         let compare = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("shadow_compare"),
@@ -106,7 +107,7 @@ impl ShadowMaps {
             .device
             .create_sampler(&wgpu::SamplerDescriptor { label: Some("shadow_gather"), ..Default::default() });
         Ok(Self {
-            culling: Culling::new(gpu, scene_layout)?,
+            culling: Culling::new(gpu, library, scene_layout)?,
             pipelines: [pipeline(0)?, pipeline(1)?, pipeline(2)?, pipeline(3)?],
             outputs: ShadowOutputs { maps: maps(gpu, 1, 1), compare, gather },
             draw_views: draw_views(gpu, 1),
