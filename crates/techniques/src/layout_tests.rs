@@ -4,6 +4,7 @@ use std::mem::offset_of;
 
 use chiaro_gpu::shader::{Linked, check_layout};
 
+use crate::environment::Lobe;
 use crate::shaders;
 use crate::shared::frame::{FrameData, LightData, ShadowViewData};
 use crate::surface::clusters::ClusterData;
@@ -45,10 +46,14 @@ fn rust_structs_equal_their_wesl_twins() {
         lighting_model,
         seed,
         ambient,
+        environment,
         sky,
         radiance_scale,
         normal_maps,
         anisotropy,
+        environment_nits,
+        environment_share,
+        environment_turn,
     );
     same!(
         shade,
@@ -133,6 +138,7 @@ fn rust_structs_equal_their_wesl_twins() {
         specular_texture,
         specular_color_texture,
     );
+    same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples);
     same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags);
     same!(&linked("surface/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride);
 }

@@ -14,6 +14,12 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("direct/grid.cs.wesl"),
     shader!("direct/lighting.wesl"),
     shader!("direct/shade.cs.wesl"),
+    shader!("environment/background.vs.wesl"),
+    shader!("environment/cube.wesl"),
+    shader!("environment/halve.cs.wesl"),
+    shader!("environment/lookup.wesl"),
+    shader!("environment/prefilter.cs.wesl"),
+    shader!("environment/project.cs.wesl"),
     shader!("post/accumulate.cs.wesl"),
     shader!("post/aov.cs.wesl"),
     shader!("post/bins.wesl"),
@@ -51,6 +57,10 @@ pub fn library() -> Library {
 pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
         "direct/grid.cs.wesl",
+        "environment/background.vs.wesl",
+        "environment/halve.cs.wesl",
+        "environment/prefilter.cs.wesl",
+        "environment/project.cs.wesl",
         "post/accumulate.cs.wesl",
         "post/aov.cs.wesl",
         "post/exposure.cs.wesl",
