@@ -33,15 +33,12 @@ const NEAR_M: f32 = 0.05;
 impl Session {
     /// Opens the device, reads the scene, compiles the passes. Remarks for the user go to standard error.
     pub fn open(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
-        if let Some(path) = &scene_args.environment {
-            bail!(
-                "--environment {}: environment maps are not supported yet; leave the flag out",
-                path.display()
-            );
-        }
         let settings = settings(settings_args)?;
         let name = scene_args.scene.clone().unwrap_or_else(|| format!("builtin:{}", scene::builtin::DEFAULT));
         let mut scene = scene::load(&name)?;
+        if let Some(path) = &scene_args.environment {
+            scene.environment = Some(chiaro::environment::load(path, &mut scene.warnings)?);
+        }
         for warning in &scene.warnings {
             eprintln!("warning: {warning}");
         }

@@ -26,8 +26,8 @@ pub(crate) struct FrameInputs<'a> {
     pub scene: &'a LoadedScene,
     pub camera: CullView,
     pub shadow_views: &'a [ShadowView],
-    /// Stored units.
-    pub sky: wgpu::Color,
+    /// Stored units; `None` = the environment.
+    pub sky: Option<wgpu::Color>,
     pub wants_surface: bool,
 }
 

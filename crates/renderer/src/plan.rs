@@ -2,7 +2,9 @@
 
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::{Gpu, GroupLayout, Recorder};
+use chiaro_scene::{Environment, Scene};
 use chiaro_techniques::direct::{DirectLight, Permutations};
+use chiaro_techniques::environment::EnvironmentMap;
 use chiaro_techniques::motion::Motion;
 use chiaro_techniques::shadow::ShadowMaps;
 use chiaro_techniques::shared::albedo_table;
@@ -10,7 +12,7 @@ use chiaro_techniques::shared::frame::FrameGroup;
 use chiaro_techniques::surface::{SceneFacts, SceneGpu, Surfaces};
 
 use crate::renderer::Passes;
-use crate::{Error, LoadedScene, Settings, scene::Scene};
+use crate::{Error, LoadedScene, Settings};
 
 /// What every pass is compiled with, and scenes are uploaded with. Cheap to clone, and sent to other threads.
 #[derive(Clone, Debug)]
@@ -36,7 +38,17 @@ impl Kit {
     /// # Errors
     /// When it does not fit the adapter.
     pub fn upload(&self, scene: &Scene) -> Result<LoadedScene, Error> {
-        Ok(LoadedScene::new(SceneGpu::upload(&self.gpu, &self.scene_layout, scene)?, scene))
+        let gpu = SceneGpu::upload(&self.gpu, &self.scene_layout, scene)?;
+        let environment = scene.environment.as_ref().map(|map| self.environment(map)).transpose()?;
+        Ok(LoadedScene::new(gpu, scene, environment))
+    }
+
+    fn environment(&self, map: &Environment) -> Result<EnvironmentMap, Error> {
+        let mut recorder = Recorder::new(&self.gpu, false);
+        let mut frame = recorder.begin();
+        let environment = EnvironmentMap::new(&mut frame, &self.library, map)?;
+        frame.submit();
+        Ok(environment)
     }
 
     pub(crate) fn passes(&self, settings: &Settings, facts: SceneFacts) -> Result<Passes, Error> {

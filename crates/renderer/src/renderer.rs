@@ -53,7 +53,7 @@ struct Prepared {
     camera: CullView,
     shadow_views: Vec<ShadowView>,
     lights: Vec<chiaro_techniques::shared::frame::LightData>,
-    sky: wgpu::Color,
+    sky: Option<wgpu::Color>,
 }
 
 impl Renderer {
@@ -210,7 +210,13 @@ impl Renderer {
         self.notes = notes;
         let grid = grid_size(size_px, lights.len() - scene.directional);
         let sky_view = sky_view(&mut self.sky_view, scene, view.eye_ws());
-        let Ambient { radiance: around, sky } = ambient(&settings.indirect, &lights, bounds, sky_view);
+        let map = scene.environment.as_ref();
+        let factor = settings.environment.intensity;
+        let turn = settings.environment.rotation.to_radians();
+        let mean = map.map(|map| map.harmonics.mean * factor);
+        let Ambient { radiance: around, sky, environment: share } =
+            ambient(&settings.indirect, &lights, bounds, sky_view, mean);
+        let diffuse = map.map_or([Mat4::ZERO; 3], |map| map.harmonics.turned(turn, factor * share));
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
@@ -227,22 +233,27 @@ impl Renderer {
             lighting_model: settings.surface.lighting as u32,
             seed: settings.seed,
             ambient: around.map(|channel| channel.to_array()),
+            environment: diffuse.map(|channel| channel.to_cols_array_2d()),
             sky: sky.to_array(),
             radiance_scale: scene.radiance_scale,
             normal_maps: u32::from(settings.surface.normal_maps),
             anisotropy: settings.surface.anisotropy,
+            environment_nits: map.map_or(0.0, |map| map.nits * factor),
+            environment_share: share,
+            environment_turn: [turn.cos(), turn.sin()],
             _pad: [0; 2],
         };
         self.previous_clip_from_ws = Some(steady);
         let eye =
             if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };
         let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
-        let sky = wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 };
+        let sky = map.is_none().then_some(wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 });
         let forward = settings.pipeline == Pipeline::Forward;
-        self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), shadow_views.len());
-        self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
-        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, settings.shadow.cache);
-        self.passes.direct.reserve(&self.kit.gpu, &self.pool, size_px, grid, forward);
+        let (gpu, texture) = (&self.kit.gpu, map.map(|map| &map.texture));
+        self.passes.frame_group.reserve(gpu, lights.len(), shadow_views.len(), texture);
+        self.passes.surfaces.reserve(gpu, &self.pool, &scene.gpu, size_px);
+        self.passes.shadows.reserve(gpu, &scene.gpu, &shadow_views, settings.shadow.cache);
+        self.passes.direct.reserve(gpu, &self.pool, size_px, grid, forward);
         let camera = CullView::new(&clip_from_ws, eye, true, false);
         self.prepared = Some(Prepared { data, camera, shadow_views, lights, sky });
     }

@@ -4,6 +4,7 @@ use std::mem::offset_of;
 
 use chiaro_gpu::shader::{Linked, check_layout};
 
+use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
 use crate::shaders;
 use crate::shared::frame::{FrameData, LightData, ShadowViewData};
@@ -46,10 +47,14 @@ fn rust_structs_equal_their_wesl_twins() {
         lighting_model,
         seed,
         ambient,
+        environment,
         sky,
         radiance_scale,
         normal_maps,
         anisotropy,
+        environment_nits,
+        environment_share,
+        environment_turn,
     );
     same!(
         shade,
@@ -134,6 +139,7 @@ fn rust_structs_equal_their_wesl_twins() {
         specular_texture,
         specular_color_texture,
     );
+    same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples);
     same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags);
     let instances = &linked("motion/instances.cs.wesl");
     same!(instances, InstanceMove, "InstanceMove", world_from_object, max_scale, flags, instance, reserved);

@@ -14,6 +14,12 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("direct/grid.cs.wesl"),
     shader!("direct/lighting.wesl"),
     shader!("direct/shade.cs.wesl"),
+    shader!("environment/background.vs.wesl"),
+    shader!("environment/cube.wesl"),
+    shader!("environment/halve.cs.wesl"),
+    shader!("environment/lookup.wesl"),
+    shader!("environment/prefilter.cs.wesl"),
+    shader!("environment/project.cs.wesl"),
     shader!("motion/deform.cs.wesl"),
     shader!("motion/instances.cs.wesl"),
     shader!("post/accumulate.cs.wesl"),
@@ -53,6 +59,10 @@ pub fn library() -> Library {
 pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
         "direct/grid.cs.wesl",
+        "environment/background.vs.wesl",
+        "environment/halve.cs.wesl",
+        "environment/prefilter.cs.wesl",
+        "environment/project.cs.wesl",
         "motion/deform.cs.wesl",
         "motion/instances.cs.wesl",
         "post/accumulate.cs.wesl",
