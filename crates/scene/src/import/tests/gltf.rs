@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::super::gltf::from_bytes;
+use super::gltf_bytes as from_bytes;
 use crate::invariants::assert_sound;
 use crate::{AlphaMode, LightKind, Primitive, Projection, Reflection, Scene, SceneError, Transform, Wrap};
 
