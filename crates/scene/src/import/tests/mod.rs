@@ -1,9 +1,14 @@
 //! What import promises, on documents made here and on the shared assets.
 
+mod animation;
 mod assets;
+mod deform;
+mod document;
 mod gltf;
 mod gltf_malformed;
+mod limits;
 mod obj;
+mod vertices;
 
 use std::path::Path;
 
