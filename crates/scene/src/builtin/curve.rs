@@ -5,7 +5,7 @@ use std::f32::consts::TAU;
 use glam::{Quat, Vec3};
 
 use super::{
-    shape::{CREASE_DEG, Frame, Joins, circle, loft, skin},
+    shape::{CREASE_DEG, Frame, circle, loft},
     solid::Solid,
 };
 use crate::Id;
@@ -13,6 +13,12 @@ use crate::Id;
 /// Frames along a polyline whose x and y are perpendicular to it and do not twist about it (parallel transport). Along
 /// a closed curve what twist is left at the end is spread evenly.
 pub fn frames(points: &[Vec3], closed: bool) -> Vec<Frame> {
+    let start = points[1] - points[if closed { points.len() - 1 } else { 0 }];
+    frames_from(points, closed, start.normalize_or(Vec3::Y).any_orthonormal_vector())
+}
+
+/// [`frames`] whose first x is as near as possible to `first`.
+pub fn frames_from(points: &[Vec3], closed: bool, first: Vec3) -> Vec<Frame> {
     let n = points.len();
     let tangent = |i: usize| {
         let (before, after) = match closed {
@@ -22,7 +28,7 @@ pub fn frames(points: &[Vec3], closed: bool) -> Vec<Frame> {
         (points[after] - points[before]).normalize_or(Vec3::Y)
     };
     let mut along = tangent(0);
-    let first = along.any_orthonormal_vector();
+    let first = (first - along * along.dot(first)).normalize_or(along.any_orthonormal_vector());
     let mut x = first;
     let mut out = Vec::with_capacity(n);
     for (i, &origin) in points.iter().enumerate() {
@@ -51,14 +57,6 @@ pub fn tube(points: &[Vec3], radius_m: impl Fn(usize) -> f32, sides: usize, mate
     };
     let rings: Vec<_> = frames(points, false).iter().enumerate().map(ring).collect();
     loft(&rings, CREASE_DEG, material)
-}
-
-/// A round tube along a closed polyline.
-pub fn loop_tube(points: &[Vec3], radius_m: f32, sides: usize, material: Id) -> Solid {
-    let profile = circle(sides, radius_m);
-    let ring = |f: &Frame| profile.iter().map(|p| f.origin + f.x * p.x + f.y * p.y).collect::<Vec<_>>();
-    let rings: Vec<_> = frames(points, true).iter().map(ring).collect();
-    skin(&rings, Joins { ring: true, path: true }, |_| material).smooth(CREASE_DEG).outward()
 }
 
 /// A point of the (p, q) torus knot about the vertical at `t` in 0..1: p turns about the axis, q through the hole.

@@ -3,9 +3,15 @@
 mod arch;
 mod cornell;
 mod curve;
+mod dancer;
+mod flight;
+mod flora;
 mod glass;
 mod grid;
+mod grove;
+mod land;
 mod nave;
+mod pool;
 mod relief;
 mod ring;
 mod shape;
@@ -30,6 +36,10 @@ pub const SCENES: &[(&str, &str)] = &[
     ("ring", "Gold bangle on an open book under a lamp: a caustic by reflection; 60,000 triangles"),
     ("ball", "Glass and steel balls on a chess board: caustics by refraction; 36,000 triangles"),
     ("knot", "Glass trefoil knot before a paper sweep: many interfaces; 50,000 triangles"),
+    ("pool", "Tiled pool in the sun: caustics through waves; 160,000 triangles"),
+    ("grove", "Path along a fence under trees: leaves and grass cut out by alpha; 700,000 triangles"),
+    ("dancer", "Cobra dancing out of its basket: skin and morph targets; 120,000 triangles"),
+    ("flight", "The nave at dusk: a camera flies through it, a spot light searches; 88,000 triangles"),
     ("cornell", "Cornell box with thick walls, two blocks and a spot light"),
 ];
 
@@ -44,6 +54,10 @@ pub fn build(name: &str) -> Option<Scene> {
         "ring" => Some(ring::build()),
         "ball" => Some(glass::build_ball()),
         "knot" => Some(glass::build_knot()),
+        "pool" => Some(pool::build()),
+        "grove" => Some(grove::build()),
+        "dancer" => Some(dancer::build()),
+        "flight" => Some(flight::build()),
         "cornell" => Some(cornell::build()),
         _ => None,
     }

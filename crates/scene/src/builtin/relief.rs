@@ -39,6 +39,11 @@ impl HeightMap {
         Self { side, heights }
     }
 
+    /// Points along each side.
+    pub fn side(&self) -> usize {
+        self.side
+    }
+
     /// The height at a grid point.
     pub fn height(&self, column: usize, row: usize) -> f32 {
         self.heights[row * self.side + column]
@@ -101,6 +106,17 @@ impl HeightMap {
                 p = next;
             }
         }
+    }
+
+    /// Mixes every height with the mean of its neighbours, `strength` in 0..1 of it.
+    pub fn smooth(&mut self, strength: f32) {
+        let old = self.clone();
+        let last = self.side - 1;
+        self.shape(|x, y, height| {
+            let (x0, x1, y0, y1) = (x.saturating_sub(1), (x + 1).min(last), y.saturating_sub(1), (y + 1).min(last));
+            let mean = (old.height(x0, y) + old.height(x1, y) + old.height(x, y0) + old.height(x, y1)) / 4.0;
+            height + (mean - height) * strength
+        });
     }
 
     /// Pulls every height towards `f(column, row, height)`.

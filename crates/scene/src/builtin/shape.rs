@@ -157,6 +157,13 @@ pub fn lathe(profile: &[Vec2], sides: usize, material: Id) -> Solid {
     loft(&profile.iter().map(ring).collect::<Vec<_>>(), CREASE_DEG, material)
 }
 
+/// A surface of revolution about the vertical whose closed profile, (radius, height), does not touch the axis.
+pub fn lathe_ring(profile: &[Vec2], sides: usize, material: Id) -> Solid {
+    let ring = |p: &Vec2| circle(sides, p.x).into_iter().map(|c| vec3(c.x, p.y, c.y)).collect::<Vec<_>>();
+    let rings: Vec<_> = profile.iter().map(ring).collect();
+    skin(&rings, Joins { ring: true, path: true }, |_| material).smooth(CREASE_DEG).outward()
+}
+
 /// A ball about the origin: an icosahedron cut `levels` times, 20 · 4^levels triangles with the sphere's own normals.
 /// Texture coordinates are planar.
 pub fn ball(radius_m: f32, levels: u32, material: Id) -> Solid {

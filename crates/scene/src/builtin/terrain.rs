@@ -3,15 +3,15 @@
 
 use std::f32::consts::TAU;
 
-use glam::{Vec2, Vec3, vec2, vec3};
+use glam::{Vec3, vec2, vec3};
 
 use super::{
     curve::{frames, torus_knot},
     grid::Grid,
+    land::Land,
     relief::{HeightMap, fractal3, noise3},
     shape::{CREASE_DEG, ball, bevelled},
     sky::ClearSky,
-    solid::Solid,
     stage::{Stage, plain},
     texture::{Noise, Surface, dressed_stone, hash},
 };
@@ -33,8 +33,8 @@ const PLINTH_M: f32 = 1.1;
 /// Builds the scene.
 pub fn build() -> Scene {
     let mut stage = Stage::new("terrain");
-    let map = heights();
-    let ground = ground_material(&mut stage, &map);
+    let land = Land { map: heights(), spacing_m: SPACING_M };
+    let ground = ground_material(&mut stage, &land);
     let rock = stage.surface("rock", &rock_surface(512), 2.0);
     let [base_color_texture, normal_texture] = rock;
     let rock =
@@ -48,10 +48,7 @@ pub fn build() -> Scene {
     });
     let marble = stage.material(plain("marble", vec3(0.78, 0.75, 0.70), 0.42));
 
-    let terrain = stage.add("terrain", vec![surface(&map, ground)]);
-    let cut = earth(&map, rock).into_mesh("earth", |_| true);
-    stage.scene.meshes[terrain].primitives.extend(cut.primitives);
-    stage.place(terrain, Vec3::ZERO, false);
+    land.place(&mut stage, "terrain", ground, rock, 4.0);
 
     let mut steps = bevelled(vec3(-3.4, -0.8, -2.4), vec3(3.4, 0.28, 2.4), 0.03, plinth);
     steps.append(bevelled(vec3(-2.9, 0.2, -1.9), vec3(2.9, 0.56, 1.9), 0.03, plinth));
@@ -59,10 +56,10 @@ pub fn build() -> Scene {
     stage.body("plinth", steps.moved(PLACE));
     let knot = stage.add("sculpture", vec![sculpture(marble)]);
     stage.place_turned(knot, PLACE + Vec3::Y * PLINTH_M, 24.0, 1.0);
-    boulders(&mut stage, &map, rock);
+    boulders(&mut stage, &land, rock);
 
     let sky = ClearSky {
-        towards_sun: vec3(-0.72, 0.50, 0.30).normalize(),
+        towards_sun: vec3(-0.80, 0.50, -0.28).normalize(),
         turbidity: 3.0,
         sun_lux: 82_000.0,
         ground: vec3(0.16, 0.15, 0.09),
@@ -78,15 +75,11 @@ pub fn build() -> Scene {
     stage.scene
 }
 
-/// Position in metres of a place on the grid, without its height.
-fn level(p: Vec2) -> Vec3 {
-    vec3(p.x * SPACING_M - HALF_M, 0.0, p.y * SPACING_M - HALF_M)
-}
-
 /// Hills around a valley, ridged and rained on, with a level place for the monument.
 fn heights() -> HeightMap {
+    let level = |column: usize, row: usize| (vec3(column as f32, 0.0, row as f32) * SPACING_M) - vec3(HALF_M, 0.0, HALF_M);
     let mut map = HeightMap::new(SIDE, |column, row| {
-        let p = level(vec2(column as f32, row as f32));
+        let p = level(column, row);
         let bent = p + 7.0 * vec3(noise3(p / 22.0, 5), 0.0, noise3(p / 22.0 + 31.0, 6));
         let ridge = |scale: f32, seed: u32| 1.0 - 2.0 * noise3(bent / scale, seed).abs();
         let from_place = vec2(p.x - PLACE.x, p.z - PLACE.z).length();
@@ -98,9 +91,11 @@ fn heights() -> HeightMap {
         let open = 0.25 + 0.75 / (1.0 + ((p.z - 2.0) / 8.0).exp());
         ((hills + rim) * open * (0.25 + (from_place / 40.0).min(1.0)) + detail) / SPACING_M
     });
-    map.erode(26_000, 77);
+    map.erode(9_000, 77);
+    map.smooth(0.5);
+    map.smooth(0.35);
     map.shape(|column, row, height| {
-        let p = level(vec2(column as f32, row as f32));
+        let p = level(column, row);
         let from_place = vec2(p.x - PLACE.x, p.z - PLACE.z).length();
         let t = ((from_place - 6.0) / 12.0).clamp(0.0, 1.0);
         let t = t * t * (3.0 - 2.0 * t);
@@ -110,57 +105,21 @@ fn heights() -> HeightMap {
     map
 }
 
-/// Exactly [`SIDE`] × [`SIDE`] vertices.
-fn surface(map: &HeightMap, material: Id) -> Primitive {
-    // Rows run along +X and columns along +Z, so that the surface looks up.
-    let grid = Grid { columns: SIDE, rows: SIDE, closes: [false; 2] };
-    let mut out = grid.primitive(material, false, |row, column| {
-        let at = level(vec2(column as f32, row as f32));
-        let height = map.height(column, row) * SPACING_M;
-        (at + Vec3::Y * height, vec2(at.x, at.z) + HALF_M)
-    });
-    // u runs along +X and v along +Z, the bitangent along −Z.
-    let tangent = |n: &Vec3| (Vec3::X - *n * n.x).normalize().extend(1.0);
-    out.tangents = out.normals.iter().map(tangent).collect();
-    out
-}
-
-/// The block of earth below: four cut sides and a bottom.
-fn earth(map: &HeightMap, material: Id) -> Solid {
-    let last = SIDE - 1;
-    let top = |column: usize, row: usize| {
-        level(vec2(column as f32, row as f32)) + Vec3::Y * map.height(column, row) * SPACING_M
-    };
-    let mut rim: Vec<Vec3> = (0..last).map(|i| top(i, 0)).collect();
-    rim.extend((0..last).map(|i| top(last, i)));
-    rim.extend((0..last).map(|i| top(last - i, last)));
-    rim.extend((0..last).map(|i| top(0, last - i)));
-    let floor = rim.iter().map(|p| p.y).fold(f32::INFINITY, f32::min) - 4.0;
-    let down = |p: Vec3| vec3(p.x, floor, p.z);
-    let mut out = Solid::default();
-    for (i, &a) in rim.iter().enumerate() {
-        let b = rim[(i + 1) % rim.len()];
-        out.quad([a, b, down(b), down(a)], [Vec2::ZERO; 4], material);
-        out.triangle([down(a), down(b), Vec3::Y * floor], [Vec2::ZERO; 3], material);
-    }
-    out.planar_uv()
-}
-
 /// Grass where it is level, earth where it is steep, rock where it is steeper.
-fn ground_material(stage: &mut Stage, map: &HeightMap) -> Id {
+fn ground_material(stage: &mut Stage, land: &Land) -> Id {
     const SIZE: u32 = 1024;
     let clouds = Noise::new(SIZE, glam::IVec2::splat(12), 6, 41);
     let grains = Noise::new(SIZE, glam::IVec2::splat(220), 2, 55);
     let patches = Noise::new(SIZE, glam::IVec2::splat(40), 4, 61);
-    let land = Surface::paint(SIZE, |uv| {
+    let picture = Surface::paint(SIZE, |uv| {
         let p = uv * (SIDE - 1) as f32;
-        let slope = map.gradient(p).length();
+        let slope = land.map.gradient(p).length();
         let (cloud, grain, patch) = (clouds.at(uv), grains.at(uv), patches.at(uv));
         let step = |from: f32, to: f32, x: f32| {
             let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
             t * t * (3.0 - 2.0 * t)
         };
-        let at = level(p);
+        let at = land.level(p);
         let near = vec2(at.x - PLACE.x, at.z - PLACE.z).length();
         let trodden = 1.0 - step(4.5, 9.0, near + 6.0 * patch);
         let grass = vec3(0.125, 0.150, 0.045).lerp(vec3(0.26, 0.235, 0.085), step(-0.12, 0.2, cloud));
@@ -170,8 +129,7 @@ fn ground_material(stage: &mut Stage, map: &HeightMap) -> Id {
         let color = grass.lerp(earth, bare).lerp(rock, step(0.62, 0.95, slope + 0.5 * patch));
         (color * (1.0 + 0.7 * grain), 0.0)
     });
-    let across = SPACING_M * (SIDE - 1) as f32;
-    let color = stage.image(land.base_color("land colour"), across);
+    let color = stage.image(picture.base_color("land colour"), land.width_m());
     let clods = Noise::new(512, glam::IVec2::splat(24), 4, 71);
     let relief = Surface::paint(512, |uv| (Vec3::ZERO, 0.10 * clods.at(uv)));
     let normal = stage.image(relief.normal("land normals", 4.0), 4.0);
@@ -224,7 +182,7 @@ fn sculpture(material: Id) -> Primitive {
 }
 
 /// Boulders of three shapes, more of them where it is steep.
-fn boulders(stage: &mut Stage, map: &HeightMap, material: Id) {
+fn boulders(stage: &mut Stage, land: &Land, material: Id) {
     let meshes = [0, 1, 2].map(|kind| {
         let mut solid = ball(1.0, 4, material);
         for t in &mut solid.triangles {
@@ -238,8 +196,8 @@ fn boulders(stage: &mut Stage, map: &HeightMap, material: Id) {
     let mut standing = 0;
     for i in 0..900 {
         let place = vec2(hash(i, 1, 95), hash(i, 2, 95)) * (SIDE - 9) as f32 + 4.0;
-        let steep = map.gradient(place).length();
-        let at = level(place) + Vec3::Y * map.at(place) * SPACING_M;
+        let steep = land.map.gradient(place).length();
+        let at = land.ground(place);
         let clear = vec2(at.x - PLACE.x, at.z - PLACE.z).length() > 8.0;
         if !clear || hash(i, 3, 95) > 0.10 + 0.35 * steep || standing == 130 {
             continue;
