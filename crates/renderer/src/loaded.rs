@@ -1,6 +1,6 @@
 //! A scene ready to be rendered.
 
-use chiaro_scene::Scene;
+use chiaro_scene::{Pose, Scene};
 use chiaro_techniques::direct::{illuminance_scale, light_data};
 use chiaro_techniques::environment::EnvironmentMap;
 use chiaro_techniques::indirect::Openness;
@@ -34,7 +34,7 @@ const PEAK_STORED: f32 = 32_768.0;
 
 impl LoadedScene {
     pub(crate) fn new(gpu: SceneGpu, scene: &Scene, environment: Option<EnvironmentMap>) -> Self {
-        let (lights, directional) = light_data(scene);
+        let (lights, directional) = light_data(scene, &scene.pose(0.0));
         let radiance = illuminance_scale(&lights, gpu.bounds_ws) / std::f32::consts::PI;
         let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
         let around = environment.as_ref().map_or(0.0, |map| map.harmonics.mean.max_element());
@@ -46,5 +46,12 @@ impl LoadedScene {
         let octave = (white / brightest).log2().round().clamp(-60.0, 60.0);
         let openness = Openness::new(scene);
         Self { gpu, lights, directional, radiance_scale: octave.exp2(), openness, environment }
+    }
+
+    /// Moves everything to a pose of the scene that this was loaded from, usually [`Scene::pose`] at a time. The next
+    /// frame shows it, and knows where everything was before. A loaded scene starts with the pose at time 0.
+    pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) {
+        self.gpu.set_pose(scene, pose);
+        (self.lights, self.directional) = light_data(scene, pose);
     }
 }

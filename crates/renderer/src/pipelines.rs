@@ -46,6 +46,7 @@ pub(crate) fn record(
 fn deferred(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>) -> FrameOutputs {
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
+    passes.motion.record(frame, scene);
     let shadows = passes.shadows.record(frame, group, scene, inputs.shadow_views);
     let lists = passes.surfaces.cull(frame, scene, &inputs.camera);
     let surface = passes.surfaces.record(frame, group, scene, &lists);
@@ -57,6 +58,7 @@ fn deferred(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>
 fn forward(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>) -> FrameOutputs {
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
+    passes.motion.record(frame, scene);
     let shadows = passes.shadows.record(frame, group, scene, inputs.shadow_views);
     let lists = passes.surfaces.cull(frame, scene, &inputs.camera);
     let surface = inputs.wants_surface.then(|| passes.surfaces.record(frame, group, scene, &lists));

@@ -31,7 +31,7 @@ impl Scene {
     }
 
     fn add_default_camera(&mut self) {
-        let (lo, hi) = self.bounds().unwrap_or((Vec3::NEG_ONE, Vec3::ONE));
+        let (lo, hi) = self.bounds_at(&self.pose(0.0)).unwrap_or((Vec3::NEG_ONE, Vec3::ONE));
         let center = (lo + hi) / 2.0;
         // A point has no extent, but a camera must stand somewhere.
         let radius = ((hi - lo) / 2.0).length().max(1e-4 * center.length().max(1.0));

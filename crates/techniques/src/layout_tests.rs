@@ -5,6 +5,7 @@ use std::mem::offset_of;
 use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
+use crate::motion::{DeformJob, InstanceMove};
 use crate::shaders;
 use crate::shared::frame::{FrameData, LightData, ShadowViewData};
 use crate::surface::clusters::ClusterData;
@@ -100,7 +101,7 @@ fn rust_structs_equal_their_wesl_twins() {
         triangle_count,
         extras,
         material,
-        double_sided,
+        flags,
         vertex_count,
     );
     same!(
@@ -140,6 +141,21 @@ fn rust_structs_equal_their_wesl_twins() {
     );
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples);
     same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags);
+    let instances = &linked("motion/instances.cs.wesl");
+    same!(instances, InstanceMove, "InstanceMove", world_from_object, max_scale, flags, instance, reserved);
+    same!(
+        &linked("motion/deform.cs.wesl"),
+        DeformJob,
+        "DeformJob",
+        cluster,
+        rest,
+        first_matrix,
+        skinned,
+        morph,
+        target_count,
+        first_weight,
+        morph_stride,
+    );
     same!(&linked("surface/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride);
 }
 

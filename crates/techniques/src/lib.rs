@@ -11,6 +11,7 @@ pub mod caustics;
 pub mod direct;
 pub mod environment;
 pub mod indirect;
+pub mod motion;
 pub mod post;
 pub mod settings;
 pub mod shaders;

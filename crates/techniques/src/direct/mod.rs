@@ -15,6 +15,7 @@ mod lights;
 
 pub use lights::{grid_size, illuminance_scale, light_data};
 
+use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, Bind, Buffer, ComputePipeline, DepthAttachment, Dispatch, Draw, Frame, Gpu, GpuError, Group,
@@ -79,15 +80,15 @@ impl DirectLight {
     /// When a shader does not compile.
     pub fn new(
         gpu: &Gpu,
+        library: &Library,
         frame_layout: &GroupLayout,
         scene_layout: &GroupLayout,
         permutations: Permutations,
     ) -> Result<Self, GpuError> {
-        let library = shaders::library();
         let shared = &[frame_layout, scene_layout];
         let constants = permutations.constants();
         let shade =
-            |emissive| ComputePipeline::new(gpu, &library, &shaders::shade(emissive), shared, &constants);
+            |emissive| ComputePipeline::new(gpu, library, &shaders::shade(emissive), shared, &constants);
         let target = [wgpu::ColorTargetState {
             format: TextureFormat::Rgba16Float,
             blend: None,
@@ -106,7 +107,7 @@ impl DirectLight {
                 constants: &forward_constants,
                 ..Default::default()
             };
-            RenderPipeline::new(gpu, &library, &shaders::forward(masked, multisampled), shared, &options)
+            RenderPipeline::new(gpu, library, &shaders::forward(masked, multisampled), shared, &options)
         };
         let background = RenderPipelineOptions {
             targets: &target,
@@ -117,8 +118,8 @@ impl DirectLight {
         };
         let background_entry = shaders::plain("environment/background.vs.wesl");
         Ok(Self {
-            background: RenderPipeline::new(gpu, &library, &background_entry, shared, &background)?,
-            grid: ComputePipeline::new(gpu, &library, &shaders::plain("direct/grid.cs.wesl"), shared, &[])?,
+            background: RenderPipeline::new(gpu, library, &background_entry, shared, &background)?,
+            grid: ComputePipeline::new(gpu, library, &shaders::plain("direct/grid.cs.wesl"), shared, &[])?,
             shade: [shade(false)?, shade(true)?],
             forward: [forward(0)?, forward(1)?, forward(2)?, forward(3)?],
             permutations,

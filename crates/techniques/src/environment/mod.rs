@@ -23,6 +23,7 @@ mod settings;
 pub use harmonics::{Harmonics, harmonics};
 pub use settings::EnvironmentSettings;
 
+use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life, Texture, TextureOptions,
@@ -63,7 +64,7 @@ impl EnvironmentMap {
     ///
     /// # Errors
     /// When the map is larger than the adapter's textures, or a shader does not compile.
-    pub fn new(frame: &mut Frame<'_>, environment: &cs::Environment) -> Result<Self, GpuError> {
+    pub fn new(frame: &mut Frame<'_>, library: &Library, environment: &cs::Environment) -> Result<Self, GpuError> {
         let gpu = &frame.gpu().clone();
         let limit = gpu.limits.max_texture_dimension_2d;
         let needed = environment.width.max(environment.height);
@@ -91,7 +92,7 @@ impl EnvironmentMap {
         };
         let plain = cube("environment_plain", side.ilog2() + 1, usage | TextureUsages::COPY_SRC);
         let texture = cube("environment", mips, usage);
-        record(frame, &source, &plain, &texture)?;
+        record(frame, library, (&source, &plain, &texture))?;
         Ok(Self { texture, nits, peak, harmonics: harmonics(environment) })
     }
 }
@@ -118,13 +119,11 @@ fn upload(gpu: &Gpu, environment: &cs::Environment, scale: f32) -> Texture {
 /// Projects the map to `plain`, halves that mip by mip, and filters it into the mips of `texture`.
 fn record(
     frame: &mut Frame<'_>,
-    source: &Texture,
-    plain: &Texture,
-    texture: &Texture,
+    library: &Library,
+    (source, plain, texture): (&Texture, &Texture, &Texture),
 ) -> Result<(), GpuError> {
     let gpu = frame.gpu().clone();
-    let library = shaders::library();
-    let pipeline = |entry| ComputePipeline::new(&gpu, &library, &shaders::plain(entry), &[], &[]);
+    let pipeline = |entry| ComputePipeline::new(&gpu, library, &shaders::plain(entry), &[], &[]);
     let project = pipeline("environment/project.cs.wesl")?;
     let halve = pipeline("environment/halve.cs.wesl")?;
     let prefilter = pipeline("environment/prefilter.cs.wesl")?;

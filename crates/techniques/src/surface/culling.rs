@@ -10,6 +10,7 @@
 //! draw per view and class serves everything: no multi-draw, no first-instance feature.
 
 use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{BufferUsages, CompareFunction};
 use chiaro_gpu::{
     Buffer, ComputePipeline, Dispatch, Draw, Frame, Gpu, GpuError, GroupLayout, Life, RenderPass,
@@ -122,9 +123,8 @@ impl Culling {
     ///
     /// # Errors
     /// When a shader does not compile.
-    pub fn new(gpu: &Gpu, scene_layout: &GroupLayout) -> Result<Self, GpuError> {
-        let library = shaders::library();
-        let make = |entry| ComputePipeline::new(gpu, &library, &shaders::plain(entry), &[scene_layout], &[]);
+    pub fn new(gpu: &Gpu, library: &Library, scene_layout: &GroupLayout) -> Result<Self, GpuError> {
+        let make = |entry| ComputePipeline::new(gpu, library, &shaders::plain(entry), &[scene_layout], &[]);
         Ok(Self {
             count: make("surface/cull_count.cs.wesl")?,
             scan: make("surface/cull_scan.cs.wesl")?,

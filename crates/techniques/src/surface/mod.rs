@@ -24,6 +24,7 @@ pub mod texture;
 pub use scene::{SceneFacts, SceneGpu};
 pub use settings::{Lighting, SurfaceSettings};
 
+use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life,
@@ -64,11 +65,11 @@ impl Surfaces {
     /// When a shader does not compile.
     pub fn new(
         gpu: &Gpu,
+        library: &Library,
         frame_layout: &GroupLayout,
         scene_layout: &GroupLayout,
         facts: SceneFacts,
     ) -> Result<Self, GpuError> {
-        let library = shaders::library();
         let shared = &[frame_layout, scene_layout];
         let materials = facts.constants();
         let indexed = gpu.optional.primitive_index;
@@ -91,12 +92,12 @@ impl Surfaces {
                 constants: &constants,
                 ..Default::default()
             };
-            RenderPipeline::new(gpu, &library, &shaders::visibility(indexed, masked), shared, &options)
+            RenderPipeline::new(gpu, library, &shaders::visibility(indexed, masked), shared, &options)
         };
         let resolve =
-            |glows| ComputePipeline::new(gpu, &library, &shaders::resolve(glows), shared, &materials);
+            |glows| ComputePipeline::new(gpu, library, &shaders::resolve(glows), shared, &materials);
         Ok(Self {
-            culling: Culling::new(gpu, scene_layout)?,
+            culling: Culling::new(gpu, library, scene_layout)?,
             visibility: [visibility(0)?, visibility(1)?, visibility(2)?, visibility(3)?],
             resolve: [resolve(false)?, resolve(true)?],
             indexed,

@@ -6,6 +6,7 @@ mod culling;
 mod environment;
 mod goldens;
 mod lights;
+mod motion;
 mod pipelines;
 mod references;
 mod robust;
