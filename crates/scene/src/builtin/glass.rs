@@ -3,8 +3,8 @@
 use glam::{Vec2, Vec3, vec2, vec3};
 
 use super::{
-    curve::torus_knot,
     curve::frames,
+    curve::torus_knot,
     grid::Grid,
     shape::{ball, bevelled, circle, lathe},
     stage::{Stage, glass, metal, plain, spot},

@@ -58,8 +58,14 @@ impl Grid {
             wrapped(i / columns, rows, closes[1]) * columns + wrapped(i % columns, columns, closes[0])
         };
         let normals: Vec<Vec3> = (0..sums.len()).map(|i| sums[own(i)].normalize_or(Vec3::Y)).collect();
-        let mut out =
-            Primitive { positions, normals, uvs: [uvs, Vec::new()], indices, material, ..Primitive::default() };
+        let mut out = Primitive {
+            positions,
+            normals,
+            uvs: [uvs, Vec::new()],
+            indices,
+            material,
+            ..Primitive::default()
+        };
         if tangents {
             let along = |i: usize| {
                 let column = i % columns;

@@ -23,7 +23,10 @@ use crate::Scene;
 /// Every built-in scene's name and what it shows.
 pub const SCENES: &[(&str, &str)] = &[
     ("nave", "Gothic nave, sun through the south clerestory, warm spots; 88,000 triangles"),
-    ("terrain", "Eroded hills of 135×135 points and a sculpture of 1.3 million vertices; 2.7 million triangles"),
+    (
+        "terrain",
+        "Eroded hills of 135×135 points and a sculpture of 1.3 million vertices; 2.7 million triangles",
+    ),
     ("ring", "Gold bangle on an open book under a lamp: a caustic by reflection; 60,000 triangles"),
     ("ball", "Glass and steel balls on a chess board: caustics by refraction; 36,000 triangles"),
     ("knot", "Glass trefoil knot before a paper sweep: many interfaces; 50,000 triangles"),

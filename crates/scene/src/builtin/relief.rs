@@ -15,9 +15,7 @@ pub fn noise3(p: Vec3, seed: u32) -> f32 {
         hash(c.x, c.y, seed ^ (c.z as u32).wrapping_mul(0x9e37_79b9))
     };
     let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
-    let face = |z: i32| {
-        mix(mix(at(0, 0, z), at(1, 0, z), f.x), mix(at(0, 1, z), at(1, 1, z), f.x), f.y)
-    };
+    let face = |z: i32| mix(mix(at(0, 0, z), at(1, 0, z), f.x), mix(at(0, 1, z), at(1, 1, z), f.x), f.y);
     mix(face(0), face(1), f.z) - 0.5
 }
 

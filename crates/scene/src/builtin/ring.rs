@@ -69,10 +69,8 @@ fn book(stage: &mut Stage) {
     // Both pages take one repeat of the picture each; the right one starts at u = 0.
     let shift = Affine2::from_translation(vec2(0.0, 0.5));
     let texture = TextureRef { uv_transform: shift * scale, ..print };
-    let paper = stage.material(Material {
-        base_color_texture: Some(texture),
-        ..plain("paper", Vec3::ONE, 0.92)
-    });
+    let paper =
+        stage.material(Material { base_color_texture: Some(texture), ..plain("paper", Vec3::ONE, 0.92) });
 
     let half = PAGE.y / 2.0;
     let cover = |side: f32| {
@@ -167,7 +165,13 @@ fn pencil(stage: &mut Stage) {
     let mut solid = lathe(&profile.map(|(r, y)| vec2(r, y)), 6, paint);
     for t in &mut solid.triangles {
         let y = t.p.iter().map(|p| p.y).fold(0.0, f32::max);
-        t.material = if y > 0.1685 { lead } else if y > 0.151 { cedar } else { paint };
+        t.material = if y > 0.1685 {
+            lead
+        } else if y > 0.151 {
+            cedar
+        } else {
+            paint
+        };
     }
     let lying = glam::Affine3A::from_rotation_z(std::f32::consts::FRAC_PI_2);
     let at = vec3(0.245, TOP + 0.0037 * 0.866, 0.20);

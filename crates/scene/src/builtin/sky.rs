@@ -197,7 +197,10 @@ mod tests {
         assert!(away.z > 1.8 * away.x, "{away}");
         let beside = at(vec3(40f32.to_radians().cos(), 40f32.to_radians().sin(), 0.0));
         let brightest = environment.radiance.iter().map(|r| r.y).fold(0.0, f32::max);
-        assert!(beside.y > 0.8 * brightest && beside.y > 3.0 * away.y, "{beside} of {brightest}, away {away}");
+        assert!(
+            beside.y > 0.8 * brightest && beside.y > 3.0 * away.y,
+            "{beside} of {brightest}, away {away}"
+        );
     }
 
     #[test]

@@ -4,8 +4,8 @@ use glam::{Affine2, Mat3, Quat, Vec2, Vec3};
 
 use super::{solid::Solid, texture::Surface};
 use crate::{
-    Camera, Id, ImageData, Light, LightKind, Material, Mesh, Node, Primitive, Projection, Scene, Texture, TextureRef,
-    Transform, Wrap,
+    Camera, Id, ImageData, Light, LightKind, Material, Mesh, Node, Primitive, Projection, Scene, Texture,
+    TextureRef, Transform, Wrap,
 };
 
 /// A scene under construction.

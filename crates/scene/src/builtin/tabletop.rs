@@ -34,9 +34,7 @@ pub fn table(stage: &mut Stage, material: Id, wall: Vec3) {
         stage.body("board", board);
     }
     let (x, z) = (HALF.x - 0.06, HALF.y - 0.06);
-    let rail = |a: Vec2, b: Vec2| {
-        cuboid(vec3(a.x, TOP - 0.13, a.y), vec3(b.x, TOP - 0.033, b.y), material)
-    };
+    let rail = |a: Vec2, b: Vec2| cuboid(vec3(a.x, TOP - 0.13, a.y), vec3(b.x, TOP - 0.033, b.y), material);
     stage.body("rail", rail(vec2(-x, z - 0.025), vec2(x, z)));
     stage.body("rail", rail(vec2(-x, -z), vec2(x, 0.025 - z)));
     for (a, b) in [(-x, 0.025 - x), (x - 0.025, x)] {

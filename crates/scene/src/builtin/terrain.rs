@@ -37,11 +37,8 @@ pub fn build() -> Scene {
     let ground = ground_material(&mut stage, &map);
     let rock = stage.surface("rock", &rock_surface(512), 2.0);
     let [base_color_texture, normal_texture] = rock;
-    let rock = stage.material(Material {
-        base_color_texture,
-        normal_texture,
-        ..plain("rock", Vec3::ONE, 0.9)
-    });
+    let rock =
+        stage.material(Material { base_color_texture, normal_texture, ..plain("rock", Vec3::ONE, 0.9) });
     let [base_color_texture, normal_texture] =
         stage.surface("plinth stone", &dressed_stone(512, 2, 1.6, vec3(0.42, 0.40, 0.37), 31), 1.6);
     let plinth = stage.material(Material {
@@ -93,7 +90,8 @@ fn heights() -> HeightMap {
         let bent = p + 7.0 * vec3(noise3(p / 22.0, 5), 0.0, noise3(p / 22.0 + 31.0, 6));
         let ridge = |scale: f32, seed: u32| 1.0 - 2.0 * noise3(bent / scale, seed).abs();
         let from_place = vec2(p.x - PLACE.x, p.z - PLACE.z).length();
-        let hills = 13.0 * ridge(38.0, 1).powi(2) + 5.0 * ridge(15.0, 2).powi(2) * (from_place / 30.0).min(1.0);
+        let hills =
+            13.0 * ridge(38.0, 1).powi(2) + 5.0 * ridge(15.0, 2).powi(2) * (from_place / 30.0).min(1.0);
         let rim = 7.0 * (from_place / 45.0).powi(2).min(1.6);
         let detail = 1.6 * fractal3(bent / 5.0, 3, 9);
         // Towards the viewer the land falls, so that hills stand behind the monument and not before it.

@@ -64,7 +64,11 @@ impl EnvironmentMap {
     ///
     /// # Errors
     /// When the map is larger than the adapter's textures, or a shader does not compile.
-    pub fn new(frame: &mut Frame<'_>, library: &Library, environment: &cs::Environment) -> Result<Self, GpuError> {
+    pub fn new(
+        frame: &mut Frame<'_>,
+        library: &Library,
+        environment: &cs::Environment,
+    ) -> Result<Self, GpuError> {
         let gpu = &frame.gpu().clone();
         let limit = gpu.limits.max_texture_dimension_2d;
         let needed = environment.width.max(environment.height);
@@ -141,11 +145,8 @@ fn record(
     let last = texture.options().mips - 1;
     for mip in 1..=last {
         // Wider lobes need more samples, and have fewer texels.
-        let lobe = Lobe {
-            roughness: (mip as f32 / last as f32).powf(1.5),
-            samples: (32 << mip).min(1024),
-            pad: [0; 2],
-        };
+        let roughness = (mip as f32 / last as f32).powf(1.5);
+        let lobe = Lobe { roughness, samples: (32 << mip).min(1024), ..Lobe::default() };
         let lobe = Buffer::with_data(&gpu, "lobe", &[lobe], BufferUsages::UNIFORM);
         let binds = [
             ("lobe", (&lobe).into()),
@@ -160,11 +161,12 @@ fn record(
 
 /// Twin of `Lobe` in `prefilter.cs.wesl`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct Lobe {
     pub(crate) roughness: f32,
     pub(crate) samples: u32,
-    pad: [u32; 2],
+    pub(crate) reserved0: u32,
+    pub(crate) reserved1: u32,
 }
 
 /// Blends texels and mips.
