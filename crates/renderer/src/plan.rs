@@ -10,6 +10,7 @@ use chiaro_techniques::shadow::ShadowMaps;
 use chiaro_techniques::shared::albedo_table;
 use chiaro_techniques::shared::frame::FrameGroup;
 use chiaro_techniques::surface::{SceneFacts, SceneGpu, Surfaces};
+use chiaro_techniques::transparency::Transparency;
 
 use crate::renderer::Passes;
 use crate::{Error, LoadedScene, Settings};
@@ -58,6 +59,7 @@ impl Kit {
             surfaces: self.surfaces(facts)?,
             shadows: self.shadows(settings, facts)?,
             direct: self.direct(settings, facts)?,
+            transparency: facts.see_through.then(|| self.transparency(settings, facts)).transpose()?,
         })
     }
 
@@ -87,6 +89,11 @@ impl Kit {
         let (frame, scene) = (&self.frame_layout, &self.scene_layout);
         Ok(DirectLight::new(&self.gpu, &self.library, frame, scene, permutations(settings, facts))?)
     }
+
+    fn transparency(&self, settings: &Settings, facts: SceneFacts) -> Result<Transparency, Error> {
+        let (frame, scene) = (&self.frame_layout, &self.scene_layout);
+        Ok(Transparency::new(&self.gpu, &self.library, frame, scene, permutations(settings, facts))?)
+    }
 }
 
 /// What must be compiled before settings, a scene or other shaders can be rendered with.
@@ -107,21 +114,39 @@ pub(crate) struct Missing {
     pub surfaces: bool,
     pub shadows: bool,
     pub direct: bool,
+    pub transparency: bool,
 }
 
 impl Missing {
-    pub(crate) const ALL: Self =
-        Self { frame_group: true, motion: true, surfaces: true, shadows: true, direct: true };
-    const NONE: Self =
-        Self { frame_group: false, motion: false, surfaces: false, shadows: false, direct: false };
+    const NONE: Self = Self {
+        frame_group: false,
+        motion: false,
+        surfaces: false,
+        shadows: false,
+        direct: false,
+        transparency: false,
+    };
+
+    pub(crate) fn all(facts: SceneFacts) -> Self {
+        Self {
+            frame_group: true,
+            motion: true,
+            surfaces: true,
+            shadows: true,
+            direct: true,
+            transparency: facts.see_through,
+        }
+    }
 
     pub(crate) fn from(passes: &Passes, settings: &Settings, facts: SceneFacts) -> Self {
+        let permutations = permutations(settings, facts);
+        let transparency = passes.transparency.as_ref().map(Transparency::permutations);
         Self {
-            frame_group: false,
-            motion: false,
             surfaces: passes.surfaces.facts() != facts,
             shadows: !passes.shadows.serves(&settings.shadow, facts),
-            direct: passes.direct.permutations() != permutations(settings, facts),
+            direct: passes.direct.permutations() != permutations,
+            transparency: facts.see_through && transparency != Some(permutations),
+            ..Self::NONE
         }
     }
 }
@@ -142,6 +167,7 @@ pub struct Built {
     pub(crate) surfaces: Option<Surfaces>,
     pub(crate) shadows: Option<ShadowMaps>,
     pub(crate) direct: Option<DirectLight>,
+    pub(crate) transparency: Option<Transparency>,
 }
 
 impl Plan {
@@ -183,6 +209,7 @@ impl Plan {
             surfaces: missing.surfaces.then(|| kit.surfaces(facts)).transpose()?,
             shadows: missing.shadows.then(|| kit.shadows(&settings, facts)).transpose()?,
             direct: missing.direct.then(|| kit.direct(&settings, facts)).transpose()?,
+            transparency: missing.transparency.then(|| kit.transparency(&settings, facts)).transpose()?,
             kit,
             settings,
             generation,

@@ -11,6 +11,7 @@ use chiaro_techniques::shadow::{CameraView, ShadowMaps, ShadowView, fit};
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
 use chiaro_techniques::surface::culling::CullView;
 use chiaro_techniques::surface::{SceneFacts, Surfaces};
+use chiaro_techniques::transparency::Transparency;
 use glam::{Mat4, Vec2, Vec3};
 
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
@@ -25,6 +26,8 @@ pub(crate) struct Passes {
     pub surfaces: Surfaces,
     pub shadows: ShadowMaps,
     pub direct: DirectLight,
+    /// Once a scene had something see-through.
+    pub transparency: Option<Transparency>,
 }
 
 /// Renders scenes with the techniques that [`Settings`] choose.
@@ -103,7 +106,8 @@ impl Renderer {
     /// A plan to compile everything anew from other shaders.
     pub fn plan_shaders(&self, library: Library) -> Plan {
         let kit = Kit { library, ..self.kit.clone() };
-        Plan::new(kit, self.settings.clone(), self.passes.surfaces.facts(), self.generation, Missing::ALL)
+        let facts = self.passes.surfaces.facts();
+        Plan::new(kit, self.settings.clone(), facts, self.generation, Missing::all(facts))
     }
 
     /// Takes over what was compiled, and the settings it was compiled for. `false`, and nothing changes, when something else
@@ -134,6 +138,9 @@ impl Renderer {
         }
         if let Some(direct) = built.direct {
             self.passes.direct = direct;
+        }
+        if built.transparency.is_some() {
+            self.passes.transparency = built.transparency;
         }
         true
     }
@@ -249,11 +256,15 @@ impl Renderer {
         let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
         let sky = map.is_none().then_some(wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 });
         let forward = settings.pipeline == Pipeline::Forward;
-        let (gpu, texture) = (&self.kit.gpu, map.map(|map| &map.texture));
-        self.passes.frame_group.reserve(gpu, lights.len(), shadow_views.len(), texture);
-        self.passes.surfaces.reserve(gpu, &self.pool, &scene.gpu, size_px);
-        self.passes.shadows.reserve(gpu, &scene.gpu, &shadow_views, settings.shadow.cache);
-        self.passes.direct.reserve(gpu, &self.pool, size_px, grid, forward);
+        let environment = map.map(|map| &map.texture);
+        let views = shadow_views.len();
+        self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), views, environment);
+        self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
+        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, settings.shadow.cache);
+        self.passes.direct.reserve(&self.kit.gpu, &self.pool, size_px, grid, forward);
+        if let Some(transparency) = &mut self.passes.transparency {
+            transparency.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px, settings.surface.layers);
+        }
         let camera = CullView::new(&clip_from_ws, eye, true, false);
         self.prepared = Some(Prepared { data, camera, shadow_views, lights, sky });
     }

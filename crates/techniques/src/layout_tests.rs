@@ -129,8 +129,14 @@ fn rust_structs_equal_their_wesl_twins() {
         normal_scale,
         specular_color,
         occlusion_strength,
+        absorption,
+        transmission,
+        ior,
+        thickness,
+        dispersion,
         alpha_cutoff,
-        reserved,
+        f0_factor,
+        flags,
         base_color_texture,
         metallic_roughness_texture,
         normal_texture,
@@ -138,8 +144,10 @@ fn rust_structs_equal_their_wesl_twins() {
         emissive_texture,
         specular_texture,
         specular_color_texture,
+        transmission_texture,
+        thickness_texture,
     );
-    same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples);
+    same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
     same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags);
     let instances = &linked("motion/instances.cs.wesl");
     same!(instances, InstanceMove, "InstanceMove", world_from_object, max_scale, flags, instance, reserved);

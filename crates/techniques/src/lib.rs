@@ -18,6 +18,7 @@ pub mod shaders;
 pub mod shadow;
 pub mod shared;
 pub mod surface;
+pub mod transparency;
 
 #[cfg(test)]
 mod layout_tests;

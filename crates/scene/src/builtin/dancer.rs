@@ -13,7 +13,8 @@ use super::{
     texture::{Masonry, Noise, Surface, dressed_stone, hash, wood},
 };
 use crate::{
-    Animation, Channel, Id, Interpolation, Keys, Material, MorphTarget, Node, Primitive, Scene, Skin, Transform,
+    Animation, Channel, Id, Interpolation, Keys, Material, MorphTarget, Node, Primitive, Scene, Skin,
+    Transform,
 };
 
 /// The dance's length, seconds; every movement's period divides it.
@@ -36,7 +37,14 @@ pub fn build() -> Scene {
 
     // Low from the right, so that the shadow dances on the wall as large as life.
     let neck = vec3(0.0, 0.82, 0.0);
-    stage.light("lamp", spot(13.0, 24.0), vec3(1.0, 0.74, 0.44), 2_600.0, vec3(1.75, 1.55, 2.1), neck - Vec3::Y * 0.1);
+    stage.light(
+        "lamp",
+        spot(13.0, 24.0),
+        vec3(1.0, 0.74, 0.44),
+        2_600.0,
+        vec3(1.75, 1.55, 2.1),
+        neck - Vec3::Y * 0.1,
+    );
     stage.light("moon", spot(20.0, 45.0), vec3(0.45, 0.62, 1.0), 260.0, vec3(-2.0, 2.4, 0.7), neck);
     stage.camera("dancer", vec3(0.28, 0.92, 2.55), vec3(-0.14, 0.66, 0.0), 36.0);
     stage.camera("hood", vec3(-0.42, 1.12, 1.02), vec3(-0.02, 0.90, 0.0), 38.0);
@@ -115,11 +123,34 @@ fn along(marks: &[(f32, f32)], x: f32) -> f32 {
 /// A point of the skin: `d` metres from the nose, at `angle` around; `hood` and `breath` are morph weights.
 fn skin_point(frame: &Frame, d: f32, length_m: f32, angle: f32, hood: f32, breath: f32) -> Vec3 {
     let width = along(
-        &[(0.0, 0.010), (0.030, 0.026), (0.062, 0.034), (0.115, 0.021), (0.16, 0.030), (0.25, 0.036), (0.36, 0.030), (0.6, 0.031), (1.0, 0.036), (2.0, 0.036), (length_m, 0.010)],
+        &[
+            (0.0, 0.010),
+            (0.030, 0.026),
+            (0.062, 0.034),
+            (0.115, 0.021),
+            (0.16, 0.030),
+            (0.25, 0.036),
+            (0.36, 0.030),
+            (0.6, 0.031),
+            (1.0, 0.036),
+            (2.0, 0.036),
+            (length_m, 0.010),
+        ],
         d,
     );
     let height = along(
-        &[(0.0, 0.008), (0.030, 0.018), (0.062, 0.0225), (0.115, 0.019), (0.25, 0.021), (0.40, 0.028), (0.6, 0.031), (1.0, 0.036), (2.0, 0.036), (length_m, 0.010)],
+        &[
+            (0.0, 0.008),
+            (0.030, 0.018),
+            (0.062, 0.0225),
+            (0.115, 0.019),
+            (0.25, 0.021),
+            (0.40, 0.028),
+            (0.6, 0.031),
+            (1.0, 0.036),
+            (2.0, 0.036),
+            (length_m, 0.010),
+        ],
         d,
     );
     // Rounded ends.
@@ -160,7 +191,8 @@ fn cobra(stage: &mut Stage) {
 
     // Joints from the basket's rim up to the head; each takes over from the one below.
     let spacing = RAISED_M / (JOINTS - 1) as f32;
-    let height_on_joints = |row: usize| ((RAISED_M - row as f32 * row_m) / spacing).clamp(0.0, JOINTS as f32 - 1.0);
+    let height_on_joints =
+        |row: usize| ((RAISED_M - row as f32 * row_m) / spacing).clamp(0.0, JOINTS as f32 - 1.0);
     for i in 0..body.positions.len() {
         let at = height_on_joints(i / BODY[0]);
         let below = (at as usize).min(JOINTS - 2);
@@ -168,7 +200,9 @@ fn cobra(stage: &mut Stage) {
         body.joints.push([below as u16, below as u16 + 1, 0, 0]);
         body.joint_weights.push(Vec4::new(1.0 - share, share, 0.0, 0.0));
     }
-    let place = |joint: usize| points[(((RAISED_M - joint as f32 * spacing) / row_m).round() as usize).min(BODY[1] - 1)];
+    let place = |joint: usize| {
+        points[(((RAISED_M - joint as f32 * spacing) / row_m).round() as usize).min(BODY[1] - 1)]
+    };
     let first = stage.scene.nodes.len();
     for joint in 0..JOINTS {
         let below = if joint == 0 { Vec3::ZERO } else { place(joint - 1) };
@@ -220,7 +254,8 @@ fn face(stage: &mut Stage, head: Id, head_at: Vec3) -> Id {
     }
     let mut fork = tube(&[Vec3::ZERO, vec3(0.0, -0.003, 0.032)], |_| 0.0016, 8, red);
     for side in [-1.0, 1.0] {
-        let line = [vec3(0.0, -0.003, 0.030), vec3(side * 0.004, -0.006, 0.046), vec3(side * 0.010, -0.005, 0.060)];
+        let line =
+            [vec3(0.0, -0.003, 0.030), vec3(side * 0.004, -0.006, 0.046), vec3(side * 0.010, -0.005, 0.060)];
         fork.append(tube(&line, |i| 0.0014 - 0.0004 * i as f32, 8, red));
     }
     let mesh = stage.mesh("tongue", fork);
@@ -234,7 +269,12 @@ fn dance(first: Id, body: Id, tongue: Id) -> Animation {
     let times: Vec<f32> = (0..=KEYS).map(|k| DANCE_S * k as f32 / KEYS as f32).collect();
     let turn = |t: f32, per_dance: f32, phase: f32| (TAU * (per_dance * t / DANCE_S - phase)).sin();
     let mut channels = Vec::new();
-    let linear = |node: Id, keys: Keys| Channel { node, times_s: times.clone(), interpolation: Interpolation::Linear, keys };
+    let linear = |node: Id, keys: Keys| Channel {
+        node,
+        times_s: times.clone(),
+        interpolation: Interpolation::Linear,
+        keys,
+    };
     let bend = |joint: usize, t: f32| {
         let j = joint as f32 / (JOINTS - 1) as f32;
         // Zero at the rim, so that the basket holds the body.
@@ -252,7 +292,9 @@ fn dance(first: Id, body: Id, tongue: Id) -> Animation {
                 let below: Vec3 = (1..JOINTS - 1).map(|j| bend(j, t)).sum();
                 angles = below * vec3(-0.9, -0.5, -0.85);
             }
-            Quat::from_rotation_z(angles.z) * Quat::from_rotation_y(angles.y) * Quat::from_rotation_x(angles.x)
+            Quat::from_rotation_z(angles.z)
+                * Quat::from_rotation_y(angles.y)
+                * Quat::from_rotation_x(angles.x)
         };
         channels.push(linear(first + joint, Keys::Rotation(times.iter().map(pose).collect())));
     }
@@ -283,9 +325,11 @@ fn hide(stage: &mut Stage) -> Id {
         let dome = (1.0 - 2.1 * cell.length_squared() - 0.9 * (cell.x * cell.y).abs()).max(0.0);
         let plate_at = (uv.y * DOWN / 2.0).fract();
         let plate = (plate_at * (1.0 - plate_at) * 4.0).powf(0.35);
-        let tone = 1.0 + 0.35 * (hash((p.floor() as i32).rem_euclid(40), (q.floor() as i32).rem_euclid(40), 9) - 0.5);
+        let tone = 1.0
+            + 0.35 * (hash((p.floor() as i32).rem_euclid(40), (q.floor() as i32).rem_euclid(40), 9) - 0.5);
         let cloud = clouds.at(uv);
-        let back = vec3(0.155, 0.120, 0.045).lerp(vec3(0.055, 0.040, 0.018), (0.5 + 2.2 * cloud).clamp(0.0, 1.0));
+        let back =
+            vec3(0.155, 0.120, 0.045).lerp(vec3(0.055, 0.040, 0.018), (0.5 + 2.2 * cloud).clamp(0.0, 1.0));
         let back = back * tone * (0.45 + 0.75 * dome);
         let bar = if (uv.y * 3.0).fract() < 0.28 { 0.35 } else { 1.0 };
         let pale = vec3(0.60, 0.47, 0.24) * bar * (0.55 + 0.45 * plate);
@@ -311,7 +355,10 @@ fn basket(stage: &mut Stage) {
         let wave = ((uv.x * stakes + shift) * TAU).cos();
         let y = (uv.y * rows).fract() - 0.5;
         let rod = (1.0 - 4.0 * y * y).max(0.0).sqrt();
-        let tone = 0.75 + 0.35 * wave + 0.25 * (hash(row, (uv.x * stakes + shift) as i32 % 4, 5) - 0.5) + 0.4 * weave.at(uv);
+        let tone = 0.75
+            + 0.35 * wave
+            + 0.25 * (hash(row, (uv.x * stakes + shift) as i32 % 4, 5) - 0.5)
+            + 0.4 * weave.at(uv);
         (vec3(0.36, 0.215, 0.095) * tone * (0.35 + 0.65 * rod), 0.0045 * rod + 0.0035 * wave)
     });
     // A whole number of repeats around the widest ring.
@@ -321,8 +368,20 @@ fn basket(stage: &mut Stage) {
         stage.material(Material { base_color_texture, normal_texture, ..plain("willow", Vec3::ONE, 0.65) });
     let rim = stage.material(plain("willow rim", vec3(0.26, 0.145, 0.06), 0.6));
     let profile = [
-        (0.205, 0.0), (0.222, 0.02), (0.245, 0.09), (0.255, 0.16), (0.247, 0.23), (0.218, 0.285), (0.196, 0.30),
-        (0.182, 0.298), (0.205, 0.278), (0.232, 0.225), (0.239, 0.16), (0.230, 0.09), (0.206, 0.03), (0.19, 0.022),
+        (0.205, 0.0),
+        (0.222, 0.02),
+        (0.245, 0.09),
+        (0.255, 0.16),
+        (0.247, 0.23),
+        (0.218, 0.285),
+        (0.196, 0.30),
+        (0.182, 0.298),
+        (0.205, 0.278),
+        (0.232, 0.225),
+        (0.239, 0.16),
+        (0.230, 0.09),
+        (0.206, 0.03),
+        (0.19, 0.022),
     ];
     let floor = CARPET_M;
     stage.body("basket", lathe(&profile.map(|(r, y)| vec2(r, y)), 72, willow).moved(Vec3::Y * floor));
@@ -335,7 +394,15 @@ fn basket(stage: &mut Stage) {
     hoops.append(hoop(0.212, 0.008, 0.010));
     stage.body("basket hoops", hoops.moved(Vec3::Y * floor));
     // The lid leans against the basket.
-    let lid = [(0.20, 0.0), (0.205, 0.012), (0.17, 0.045), (0.09, 0.075), (0.02, 0.085), (0.02, 0.10), (0.012, 0.11)];
+    let lid = [
+        (0.20, 0.0),
+        (0.205, 0.012),
+        (0.17, 0.045),
+        (0.09, 0.075),
+        (0.02, 0.085),
+        (0.02, 0.10),
+        (0.012, 0.11),
+    ];
     let solid = lathe(&lid.map(|(r, y)| vec2(r, y)), 64, willow);
     let leaning = Affine3A::from_rotation_translation(
         Quat::from_rotation_y(-0.9) * Quat::from_rotation_z(-1.12),
@@ -364,16 +431,17 @@ fn room(stage: &mut Stage) {
         stage.material(Material { base_color_texture, normal_texture, ..plain("flags", Vec3::ONE, 0.6) });
     let [base_color_texture, normal_texture] =
         stage.surface("clay plaster", &dressed_stone(1024, 1, 2.5, vec3(0.56, 0.40, 0.27), 63), 2.5);
-    let plaster =
-        stage.material(Material { base_color_texture, normal_texture, ..plain("clay plaster", Vec3::ONE, 0.92) });
+    let plaster = stage.material(Material {
+        base_color_texture,
+        normal_texture,
+        ..plain("clay plaster", Vec3::ONE, 0.92)
+    });
     stage.body("floor", cuboid(vec3(-3.5, -0.2, -1.5), vec3(3.5, 0.0, 4.0), flags));
     stage.body("wall", cuboid(vec3(-3.5, 0.0, -1.5), vec3(3.5, 3.2, -1.2), plaster));
     stage.body("plinth course", bevelled(vec3(-3.5, 0.0, -1.22), vec3(3.5, 0.22, -1.17), 0.01, flags));
 
     let weave = Noise::new(1024, glam::IVec2::splat(200), 2, 65);
-    let paint = Surface::paint(1024, |uv| {
-        (carpet(uv) * (0.85 + 0.5 * weave.at(uv)), 0.0016 * weave.at(uv))
-    });
+    let paint = Surface::paint(1024, |uv| (carpet(uv) * (0.85 + 0.5 * weave.at(uv)), 0.0016 * weave.at(uv)));
     let [color, normal] = [paint.base_color("carpet colour"), paint.normal("carpet normals", 1.5)];
     let fit = |texture| {
         let scale = glam::Affine2::from_scale(1.0 / vec2(1.9, 1.3));
@@ -388,7 +456,19 @@ fn room(stage: &mut Stage) {
     stage.body("carpet", bevelled(vec3(-0.949, -0.01, -0.649), vec3(0.949, CARPET_M, 0.649), 0.004, wool));
 
     let clay = stage.material(plain("fired clay", vec3(0.42, 0.17, 0.085), 0.7));
-    let jar = [(0.09, 0.0), (0.10, 0.01), (0.155, 0.14), (0.165, 0.22), (0.135, 0.33), (0.065, 0.40), (0.058, 0.44), (0.082, 0.475), (0.078, 0.482), (0.05, 0.44), (0.05, 0.40)];
+    let jar = [
+        (0.09, 0.0),
+        (0.10, 0.01),
+        (0.155, 0.14),
+        (0.165, 0.22),
+        (0.135, 0.33),
+        (0.065, 0.40),
+        (0.058, 0.44),
+        (0.082, 0.475),
+        (0.078, 0.482),
+        (0.05, 0.44),
+        (0.05, 0.40),
+    ];
     let jar = lathe(&jar.map(|(r, y)| vec2(r, y)), 64, clay);
     stage.body("jar", jar.moved(vec3(-0.98, 0.0, -0.75)));
     let brass = stage.material(metal("brass", vec3(0.91, 0.70, 0.34), 0.25));
@@ -396,9 +476,14 @@ fn room(stage: &mut Stage) {
         stage.surface("rosewood", &wood(512, vec3(0.16, 0.06, 0.03), 67), 0.25);
     let rosewood =
         stage.material(Material { base_color_texture, normal_texture, ..plain("rosewood", Vec3::ONE, 0.35) });
-    let mut flute: Solid = lathe(&[vec2(0.011, 0.0), vec2(0.012, 0.30), vec2(0.016, 0.40), vec2(0.026, 0.44)], 32, rosewood);
+    let mut flute: Solid =
+        lathe(&[vec2(0.011, 0.0), vec2(0.012, 0.30), vec2(0.016, 0.40), vec2(0.026, 0.44)], 32, rosewood);
     for y in [0.02, 0.30, 0.375] {
-        flute.append(lathe(&[vec2(0.0125, y), vec2(0.0155, y + 0.004), vec2(0.0155, y + 0.012), vec2(0.0125, y + 0.016)], 32, brass));
+        flute.append(lathe(
+            &[vec2(0.0125, y), vec2(0.0155, y + 0.004), vec2(0.0155, y + 0.012), vec2(0.0125, y + 0.016)],
+            32,
+            brass,
+        ));
     }
     let lying = Affine3A::from_rotation_translation(
         Quat::from_rotation_y(0.5) * Quat::from_rotation_z(FRAC_PI_2 - 0.024),
@@ -422,9 +507,21 @@ fn carpet(uv: Vec2) -> Vec3 {
         e if e < 0.05 => navy,
         e if e < 0.16 => {
             let flower = (e - 0.105).abs() * 9.0 + zig(run / 0.13) * 1.6;
-            if flower < 0.35 { cream } else if flower < 0.55 { gold } else { red }
+            if flower < 0.35 {
+                cream
+            } else if flower < 0.55 {
+                gold
+            } else {
+                red
+            }
         }
-        e if e < 0.185 => if zig(run / 0.04) < 0.25 { cream } else { navy },
+        e if e < 0.185 => {
+            if zig(run / 0.04) < 0.25 {
+                cream
+            } else {
+                navy
+            }
+        }
         e if e < 0.20 => gold,
         _ => {
             let medallion = q.x / 0.52 + q.y / 0.36 + 0.05 * (q.x * 55.0).cos().signum();
@@ -432,7 +529,13 @@ fn carpet(uv: Vec2) -> Vec3 {
             match medallion {
                 m if m < 0.22 => gold,
                 m if m < 0.30 => cream,
-                m if m < 0.72 => if star < 0.25 { cream } else { navy },
+                m if m < 0.72 => {
+                    if star < 0.25 {
+                        cream
+                    } else {
+                        navy
+                    }
+                }
                 m if m < 0.80 => gold,
                 m if m < 0.88 => cream,
                 _ if star < 0.16 => gold,

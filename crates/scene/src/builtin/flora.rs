@@ -204,7 +204,8 @@ impl Tree {
                 let spin = Quat::from_axis_angle(way, 2.4 * i as f32 + dice.signed());
                 let up = (way * 0.5 + spin * way.any_orthonormal_vector() + Vec3::Y * 0.15).normalize();
                 let size = self.leaf_m * dice.between(0.75, 1.15);
-                let right = up.cross(vec3(dice.signed(), dice.signed() + 0.8, dice.signed())).normalize_or(Vec3::X);
+                let right =
+                    up.cross(vec3(dice.signed(), dice.signed() + 0.8, dice.signed())).normalize_or(Vec3::X);
                 out.append(card(at(t), up * size, right * size, self.materials[1]));
             }
             return;
@@ -212,7 +213,8 @@ impl Tree {
         let (children, shorter) = CHILDREN[level];
         let turn = dice.between(0.0, TAU);
         for i in 0..children {
-            let t = [0.42, 0.30, 0.25][level] + (1.0 - [0.42, 0.30, 0.25][level]) * (i as f32 + 0.7) / children as f32;
+            let t = [0.42, 0.30, 0.25][level]
+                + (1.0 - [0.42, 0.30, 0.25][level]) * (i as f32 + 0.7) / children as f32;
             let spin = Quat::from_axis_angle(way, turn + 2.399_963 * i as f32);
             let aside = spin * way.any_orthonormal_vector();
             let spread = (self.spread_deg + 14.0 * dice.signed()).to_radians() * (1.15 - 0.5 * t);

@@ -32,7 +32,8 @@ pub fn build() -> Scene {
     let map = HeightMap::new(side, |x, z| {
         let p = vec3(x as f32, 0.0, z as f32) * spacing_m - vec3(half, 0.0, half);
         let off_path = ((p.x - path_x(p.z)).abs() / 3.0).min(1.0);
-        (2.6 * noise3(p / 13.0, 4) * off_path + 0.35 * fractal3(p / 2.4, 3, 6) * (0.25 + 0.75 * off_path)) / spacing_m
+        (2.6 * noise3(p / 13.0, 4) * off_path + 0.35 * fractal3(p / 2.4, 3, 6) * (0.25 + 0.75 * off_path))
+            / spacing_m
     });
     let land = Land { map, spacing_m };
     let ground = meadow(&mut stage, &land);
@@ -76,7 +77,8 @@ fn meadow(stage: &mut Stage, land: &Land) -> Id {
         let (cloud, grain, litter) = (clouds.at(uv), grains.at(uv), leaves.at(uv));
         let from_path = (p.x - path_x(p.y)).abs() + 0.9 * cloud;
         let t = ((from_path - 0.55) / 0.75).clamp(0.0, 1.0);
-        let grass = vec3(0.075, 0.105, 0.028).lerp(vec3(0.17, 0.16, 0.06), (0.5 + 2.0 * cloud).clamp(0.0, 1.0));
+        let grass =
+            vec3(0.075, 0.105, 0.028).lerp(vec3(0.17, 0.16, 0.06), (0.5 + 2.0 * cloud).clamp(0.0, 1.0));
         let earth = vec3(0.23, 0.175, 0.115) * (1.0 + 0.6 * cloud);
         let fallen = if litter > 0.27 { vec3(0.26, 0.15, 0.045) } else { Vec3::ZERO };
         let color = earth.lerp(grass, t * t * (3.0 - 2.0 * t)) * (1.0 + 0.8 * grain);
@@ -106,8 +108,7 @@ fn earth(stage: &mut Stage) -> Id {
 /// Three individuals, planted in two loose rows.
 fn trees(stage: &mut Stage, land: &Land, materials: [Id; 2]) {
     let kinds = [(5.4, 0.20, 7), (6.0, 0.23, 19), (4.6, 0.17, 37)].map(|(trunk_m, radius_m, seed)| {
-        let tree =
-            Tree { trunk_m, radius_m, spread_deg: 52.0, leaf_m: 0.42, leaves: 7, materials, seed };
+        let tree = Tree { trunk_m, radius_m, spread_deg: 52.0, leaf_m: 0.42, leaves: 7, materials, seed };
         stage.mesh("tree", tree.grow())
     });
     let places = [
@@ -163,9 +164,12 @@ fn fence(stage: &mut Stage, land: &Land, [wood, leaves]: [Id; 2]) {
             posts.append(tube(&line, |k| thick * (1.0 - 0.04 * k as f32), 9, wood));
             let vines = if i < 5 { 22 } else { 6 };
             for _ in 0..vines {
-                let on = a.lerp(b, dice.between(0.0, 1.0)) + vec3(0.06 * dice.signed(), -0.06 + 0.08 * dice.signed(), 0.0);
-                let up = vec3(0.9 * dice.signed(), -0.35 + 0.8 * dice.signed(), 0.7 * dice.signed()).normalize_or(Vec3::Y);
-                let right = up.cross(vec3(1.0, 0.3 * dice.signed(), 0.5 * dice.signed())).normalize_or(Vec3::Z);
+                let on = a.lerp(b, dice.between(0.0, 1.0))
+                    + vec3(0.06 * dice.signed(), -0.06 + 0.08 * dice.signed(), 0.0);
+                let up = vec3(0.9 * dice.signed(), -0.35 + 0.8 * dice.signed(), 0.7 * dice.signed())
+                    .normalize_or(Vec3::Y);
+                let right =
+                    up.cross(vec3(1.0, 0.3 * dice.signed(), 0.5 * dice.signed())).normalize_or(Vec3::Z);
                 let size = dice.between(0.16, 0.26);
                 climber.append(card(on, up * size, right * size, leaves));
             }

@@ -27,11 +27,7 @@ pub fn build() -> Scene {
     let mut stage = Stage::new("pool");
     let mosaic = {
         let [base_color_texture, normal_texture] = stage.surface("mosaic", &mosaic(1024), 0.8);
-        stage.material(Material {
-            base_color_texture,
-            normal_texture,
-            ..plain("mosaic", Vec3::ONE, 0.25)
-        })
+        stage.material(Material { base_color_texture, normal_texture, ..plain("mosaic", Vec3::ONE, 0.25) })
     };
     let travertine = masonry(&mut stage, "travertine", vec3(0.62, 0.55, 0.45), vec3(0.40, 0.35, 0.28), 4, 21);
     let [base_color_texture, normal_texture] =
@@ -82,8 +78,16 @@ pub fn build() -> Scene {
 
 fn masonry(stage: &mut Stage, name: &str, stone: Vec3, mortar: Vec3, courses: i32, seed: u32) -> Id {
     let side_m = 0.6 * courses as f32;
-    let paint =
-        Masonry { side_m, courses, stones: courses / 2, joint_m: 0.006, stone, mortar, variation: 0.08, seed };
+    let paint = Masonry {
+        side_m,
+        courses,
+        stones: courses / 2,
+        joint_m: 0.006,
+        stone,
+        mortar,
+        variation: 0.08,
+        seed,
+    };
     let [base_color_texture, normal_texture] = stage.surface(name, &paint.paint(1024), side_m);
     stage.material(Material { base_color_texture, normal_texture, ..plain(name, Vec3::ONE, 0.75) })
 }
@@ -108,7 +112,8 @@ fn mosaic(size: u32) -> Surface {
             _ => vec3(0.72, 0.84, 0.80),
         };
         let tone = 1.0 + 0.10 * grains.at(uv);
-        let tilt = (f.x - 0.5) * (hash(cell.x, cell.y, 14) - 0.5) + (f.y - 0.5) * (hash(cell.x, cell.y, 15) - 0.5);
+        let tilt =
+            (f.x - 0.5) * (hash(cell.x, cell.y, 14) - 0.5) + (f.y - 0.5) * (hash(cell.x, cell.y, 15) - 0.5);
         ((tile * tone).lerp(vec3(0.60, 0.62, 0.60), 1.0 - face), face * (0.0011 + 0.0012 * tilt))
     })
 }
@@ -116,12 +121,16 @@ fn mosaic(size: u32) -> Surface {
 /// Deck and basin in one body, as a bowl.
 fn basin([deck, tiles]: [Id; 2]) -> Solid {
     let ring = |half: Vec2, y: [f32; 2]| {
-        [vec3(-half.x, y[0], half.y), vec3(half.x, y[1], half.y), vec3(half.x, y[1], -half.y), vec3(-half.x, y[0], -half.y)]
-            .to_vec()
+        [
+            vec3(-half.x, y[0], half.y),
+            vec3(half.x, y[1], half.y),
+            vec3(half.x, y[1], -half.y),
+            vec3(-half.x, y[0], -half.y),
+        ]
+        .to_vec()
     };
     let rings = [ring(DECK, [-2.3; 2]), ring(DECK, [0.0; 2]), ring(BASIN, [0.0; 2]), ring(BASIN, FLOOR)];
-    let mut out =
-        skin(&rings, Joins { ring: true, path: false }, |i| if i == 2 { tiles } else { deck });
+    let mut out = skin(&rings, Joins { ring: true, path: false }, |i| if i == 2 { tiles } else { deck });
     let mut bottom = rings[0].clone();
     bottom.reverse();
     out.append(polygon(&bottom, deck));
@@ -229,11 +238,11 @@ fn surroundings(stage: &mut Stage, wall: Id, stone: Id) {
     parasol.append(super::shape::lathe_ring(&canopy.map(|(r, y)| vec2(r, y)), 8, cloth));
     stage.body("parasol", parasol.moved(vec3(0.2, 0.0, -4.55)));
 
-    let panels = [vec3(0.78, 0.07, 0.05), vec3(0.85, 0.83, 0.78), vec3(0.90, 0.55, 0.05), vec3(0.04, 0.22, 0.55)]
-        .map(|color| stage.material(plain("vinyl", color, 0.3)));
+    let panels =
+        [vec3(0.78, 0.07, 0.05), vec3(0.85, 0.83, 0.78), vec3(0.90, 0.55, 0.05), vec3(0.04, 0.22, 0.55)]
+            .map(|color| stage.material(plain("vinyl", color, 0.3)));
     let radius = 0.20;
-    let profile: Vec<Vec2> =
-        arc(Vec2::ZERO, radius, -88.5, 88.5, 30).into_iter().collect();
+    let profile: Vec<Vec2> = arc(Vec2::ZERO, radius, -88.5, 88.5, 30).into_iter().collect();
     let mut ball = lathe(&profile, 48, panels[0]);
     for t in &mut ball.triangles {
         let middle = (t.p[0] + t.p[1] + t.p[2]) / 3.0;
@@ -256,8 +265,8 @@ fn lounger(material: Id) -> Solid {
     for i in 0..9 {
         back.append(slat(-0.075 - 0.08 * i as f32).moved(vec3(0.0, -0.3, 0.0)));
     }
-    let raised = glam::Affine3A::from_translation(vec3(0.0, 0.30, -0.60))
-        * glam::Affine3A::from_rotation_x(0.75);
+    let raised =
+        glam::Affine3A::from_translation(vec3(0.0, 0.30, -0.60)) * glam::Affine3A::from_rotation_x(0.75);
     out.append(back.transformed(raised));
     for side in [-1.0, 1.0] {
         let x = side * 0.325;

@@ -113,7 +113,8 @@ impl HeightMap {
         let old = self.clone();
         let last = self.side - 1;
         self.shape(|x, y, height| {
-            let (x0, x1, y0, y1) = (x.saturating_sub(1), (x + 1).min(last), y.saturating_sub(1), (y + 1).min(last));
+            let (x0, x1, y0, y1) =
+                (x.saturating_sub(1), (x + 1).min(last), y.saturating_sub(1), (y + 1).min(last));
             let mean = (old.height(x0, y) + old.height(x1, y) + old.height(x, y0) + old.height(x, y1)) / 4.0;
             height + (mean - height) * strength
         });

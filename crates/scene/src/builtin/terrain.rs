@@ -77,7 +77,9 @@ pub fn build() -> Scene {
 
 /// Hills around a valley, ridged and rained on, with a level place for the monument.
 fn heights() -> HeightMap {
-    let level = |column: usize, row: usize| (vec3(column as f32, 0.0, row as f32) * SPACING_M) - vec3(HALF_M, 0.0, HALF_M);
+    let level = |column: usize, row: usize| {
+        (vec3(column as f32, 0.0, row as f32) * SPACING_M) - vec3(HALF_M, 0.0, HALF_M)
+    };
     let mut map = HeightMap::new(SIDE, |column, row| {
         let p = level(column, row);
         let bent = p + 7.0 * vec3(noise3(p / 22.0, 5), 0.0, noise3(p / 22.0 + 31.0, 6));

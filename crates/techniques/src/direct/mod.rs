@@ -25,7 +25,7 @@ use chiaro_gpu::{
 use crate::shaders;
 use crate::shadow::{Filter, ShadowOutputs, ShadowSettings};
 use crate::surface::culling::{DEPTH_COMPARE, DrawLists, draw_classes};
-use crate::surface::scene::CLASSES;
+use crate::surface::scene::{KINDS, OPAQUE};
 use crate::surface::{SceneFacts, SceneGpu, SurfaceBuffer, cull_mode};
 
 /// What shaders are compiled for.
@@ -59,7 +59,7 @@ impl Permutations {
 pub struct DirectLight {
     grid: ComputePipeline,
     shade: [ComputePipeline; 2],
-    forward: [RenderPipeline; CLASSES],
+    forward: [RenderPipeline; KINDS],
     background: RenderPipeline,
     permutations: Permutations,
     targets: Option<Buffers>,
@@ -238,7 +238,7 @@ impl DirectLight {
         let binds = lighting_binds(shadows, light_grid);
         let shared = &[frame_group, scene.group()];
         frame.render("direct/forward", passes, |pass| {
-            draw_classes(pass, &self.forward, shared, &binds, (lists, 0, true));
+            draw_classes(pass, &self.forward, OPAQUE, shared, &binds, (lists, 0, true));
             if sky.is_none() {
                 pass.draw(&self.background, shared, &binds, Draw::FullScreen);
             }

@@ -96,7 +96,7 @@ impl EnvironmentMap {
         };
         let plain = cube("environment_plain", side.ilog2() + 1, usage | TextureUsages::COPY_SRC);
         let texture = cube("environment", mips, usage);
-        record(frame, library, &source, &plain, &texture)?;
+        record(frame, library, (&source, &plain, &texture))?;
         Ok(Self { texture, nits, peak, harmonics: harmonics(environment) })
     }
 }
@@ -124,9 +124,7 @@ fn upload(gpu: &Gpu, environment: &cs::Environment, scale: f32) -> Texture {
 fn record(
     frame: &mut Frame<'_>,
     library: &Library,
-    source: &Texture,
-    plain: &Texture,
-    texture: &Texture,
+    (source, plain, texture): (&Texture, &Texture, &Texture),
 ) -> Result<(), GpuError> {
     let gpu = frame.gpu().clone();
     let pipeline = |entry| ComputePipeline::new(&gpu, library, &shaders::plain(entry), &[], &[]);
@@ -147,11 +145,8 @@ fn record(
     let last = texture.options().mips - 1;
     for mip in 1..=last {
         // Wider lobes need more samples, and have fewer texels.
-        let lobe = Lobe {
-            roughness: (mip as f32 / last as f32).powf(1.5),
-            samples: (32 << mip).min(1024),
-            pad: [0; 2],
-        };
+        let roughness = (mip as f32 / last as f32).powf(1.5);
+        let lobe = Lobe { roughness, samples: (32 << mip).min(1024), ..Lobe::default() };
         let lobe = Buffer::with_data(&gpu, "lobe", &[lobe], BufferUsages::UNIFORM);
         let binds = [
             ("lobe", (&lobe).into()),
@@ -166,11 +161,12 @@ fn record(
 
 /// Twin of `Lobe` in `prefilter.cs.wesl`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct Lobe {
     pub(crate) roughness: f32,
     pub(crate) samples: u32,
-    pad: [u32; 2],
+    pub(crate) reserved0: u32,
+    pub(crate) reserved1: u32,
 }
 
 /// Blends texels and mips.
