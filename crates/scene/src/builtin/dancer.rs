@@ -46,7 +46,7 @@ pub fn build() -> Scene {
         neck - Vec3::Y * 0.1,
     );
     stage.light("moon", spot(20.0, 45.0), vec3(0.45, 0.62, 1.0), 260.0, vec3(-2.0, 2.4, 0.7), neck);
-    stage.camera("dancer", vec3(0.28, 0.92, 2.55), vec3(-0.14, 0.66, 0.0), 36.0);
+    stage.camera("dancer", vec3(0.50, 0.98, 2.05), vec3(-0.16, 0.62, 0.0), 38.0);
     stage.camera("hood", vec3(-0.42, 1.12, 1.02), vec3(-0.02, 0.90, 0.0), 38.0);
     stage.camera("carpet", vec3(1.1, 1.75, 2.1), vec3(-0.12, 0.35, 0.0), 40.0);
     stage.scene
