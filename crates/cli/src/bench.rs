@@ -45,6 +45,10 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
             recorder.take_timings();
             start = std::time::Instant::now();
         }
+        // What moves, moves: at sixty frames a second.
+        if session.duration_s().is_some() {
+            session.go_to(f64::from(index) / 60.0)?;
+        }
         let Session { renderer, scene, view, size, .. } = &mut session;
         renderer.prepare(scene, view, *size, chiaro::Jitter::new(1).offset_px(index), 1.0);
         let mut frame = recorder.begin();

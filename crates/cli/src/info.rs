@@ -38,7 +38,7 @@ pub fn settings(args: &ListArgs) -> anyhow::Result<()> {
         let rows: Vec<_> = fields
             .iter()
             .map(|f| {
-                json!({ "key": f.key, "unit": f.unit, "range": f.range, "default": f.default, "meaning": f.meaning, "cost": cost(f.effect) })
+                json!({ "key": f.key, "unit": f.unit, "range": f.kind.to_string(), "default": f.default, "meaning": f.meaning, "cost": cost(f.effect) })
             })
             .collect();
         return print_json(&rows);
@@ -51,7 +51,7 @@ pub fn settings(args: &ListArgs) -> anyhow::Result<()> {
             "{} = {}{unit}   ({}; {})",
             field.key,
             field.default,
-            field.range,
+            field.kind,
             cost(field.effect)
         );
         let _ = writeln!(text, "    {}", field.meaning);

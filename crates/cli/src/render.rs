@@ -29,11 +29,12 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
     let mut recorder = Recorder::new(&session.gpu, true);
     let frames: Vec<_> =
         args.frames.as_ref().map_or(vec![None], |range| (range.start..range.end).map(Some).collect());
-    if args.frames.is_some() || args.time != 0.0 {
-        eprintln!("note: nothing in this scene moves yet; every moment looks the same");
+    if session.duration_s().is_none() && (args.frames.is_some() || args.time != 0.0) {
+        eprintln!("note: nothing in this scene moves; every moment looks the same");
     }
     let bar = progress(frames.len() as u64 * u64::from(args.samples));
     for number in &frames {
+        session.go_to(number.map_or(args.time, |number| f64::from(number) / args.fps))?;
         let still = {
             let Session { renderer, scene, view, .. } = &mut session;
             renderer.still_in(&mut recorder, scene, view, &options, |_| bar.inc(1))?

@@ -1,7 +1,7 @@
 //! What `render` and `bench` share: a device, settings, a scene and a camera, from the same flags.
 
 use anyhow::{Context, bail};
-use chiaro::scene::{LoadOptions, Scene};
+use chiaro::scene::{LoadOptions, Pose, Scene};
 use chiaro::{Gpu, GpuOptions, LoadedScene, Pipeline, Renderer, Settings, View, scene};
 
 use crate::args::{self, SceneArgs, SettingsArgs};
@@ -14,6 +14,17 @@ pub struct Session {
     pub scene_name: String,
     pub view: View,
     pub size: [u32; 2],
+    source: Scene,
+    eye: Eye,
+}
+
+/// Where the picture is taken from.
+#[derive(Clone, Copy, Debug)]
+enum Eye {
+    /// The scene's camera of this number, which may move.
+    Camera(usize),
+    /// A place of the user's own.
+    Own(View),
 }
 
 /// Near plane of `--view` cameras.
@@ -22,21 +33,18 @@ const NEAR_M: f32 = 0.05;
 impl Session {
     /// Opens the device, reads the scene, compiles the passes. Remarks for the user go to standard error.
     pub fn open(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
-        if let Some(path) = &scene_args.environment {
-            bail!(
-                "--environment {}: environment maps are not supported yet; leave the flag out",
-                path.display()
-            );
-        }
         let settings = settings(settings_args)?;
         let name = scene_args.scene.clone().unwrap_or_else(|| format!("builtin:{}", scene::builtin::DEFAULT));
         let options = LoadOptions { scene: scene_args.scene_in_file.clone(), ..LoadOptions::default() };
         let mut scene = scene::load_with(&name, &options)?;
+        if let Some(path) = &scene_args.environment {
+            scene.environment = Some(chiaro::environment::load(path, &mut scene.warnings)?);
+        }
         for warning in &scene.warnings {
             eprintln!("warning: {warning}");
         }
         scene.add_default_view();
-        let view = view(&scene, scene_args)?;
+        let eye = eye(&scene, scene_args)?;
         let gpu = open_gpu()?;
         let size = [scene_args.size.width, scene_args.size.height];
         let limit = gpu.limits.max_texture_dimension_2d;
@@ -45,7 +53,21 @@ impl Session {
         }
         let mut renderer = Renderer::new(&gpu, settings)?;
         let loaded = renderer.load(&scene)?;
-        Ok(Self { gpu, renderer, scene: loaded, scene_name: name, view, size })
+        let view = see(&scene, &scene.pose(0.0), eye)?;
+        Ok(Self { gpu, renderer, scene: loaded, scene_name: name, view, size, source: scene, eye })
+    }
+
+    /// Seconds until everything that moves has done so once; `None` when nothing does.
+    pub fn duration_s(&self) -> Option<f32> {
+        self.source.duration_s()
+    }
+
+    /// Moves scene and camera to a moment.
+    pub fn go_to(&mut self, time_s: f64) -> anyhow::Result<()> {
+        let pose = self.source.pose(time_s);
+        self.scene.set_pose(&self.source, &pose);
+        self.view = see(&self.source, &pose, self.eye)?;
+        Ok(())
     }
 
     /// Tells what the renderer gave up, once.
@@ -86,9 +108,17 @@ fn settings(args: &SettingsArgs) -> anyhow::Result<Settings> {
     Ok(settings)
 }
 
-fn view(scene: &Scene, args: &SceneArgs) -> anyhow::Result<View> {
+fn see(scene: &Scene, pose: &Pose, eye: Eye) -> anyhow::Result<View> {
+    match eye {
+        Eye::Own(view) => Ok(view),
+        Eye::Camera(index) => View::from_pose(scene, pose, index).context("the scene has no camera"),
+    }
+}
+
+fn eye(scene: &Scene, args: &SceneArgs) -> anyhow::Result<Eye> {
     if let Some(view) = &args.view {
-        return Ok(View::look_at(view.eye_ws_m.into(), view.target_ws_m.into(), view.yfov_rad, NEAR_M));
+        let (eye, target) = (view.eye_ws_m.into(), view.target_ws_m.into());
+        return Ok(Eye::Own(View::look_at(eye, target, view.yfov_rad, NEAR_M)));
     }
     let placed = scene.placed_cameras();
     let names: Vec<_> = placed.iter().map(|(camera, _)| scene.cameras[*camera].name.as_str()).collect();
@@ -105,5 +135,5 @@ fn view(scene: &Scene, args: &SceneArgs) -> anyhow::Result<View> {
             }
         },
     };
-    View::from_scene(scene, index).context("the scene has no camera")
+    Ok(Eye::Camera(index))
 }

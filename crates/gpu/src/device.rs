@@ -1,7 +1,9 @@
 //! Choosing an adapter and making a device with what chiaro can use.
 
+use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::ThreadId;
 
 use crate::GpuError;
 
@@ -76,12 +78,25 @@ impl OptionalFeatures {
 #[derive(Debug, Default)]
 pub struct Created {
     objects: AtomicU64,
+    pipelines: Mutex<HashMap<ThreadId, u64>>,
 }
 
 impl Created {
     /// Buffers, textures, bind groups and pipelines made so far.
     pub fn total(&self) -> u64 {
         self.objects.load(Ordering::Relaxed)
+    }
+
+    /// Pipelines made so far by the calling thread. A thread that draws frames should make none.
+    pub fn pipelines_here(&self) -> u64 {
+        let pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        pipelines.get(&std::thread::current().id()).copied().unwrap_or(0)
+    }
+
+    pub(crate) fn add_pipeline(&self) {
+        self.add();
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        *pipelines.entry(std::thread::current().id()).or_default() += 1;
     }
 
     pub(crate) fn add(&self) {

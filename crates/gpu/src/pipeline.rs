@@ -122,7 +122,7 @@ impl GroupLayout {
 }
 
 fn module(gpu: &Gpu, linked: &Linked) -> wgpu::ShaderModule {
-    gpu.created.add();
+    gpu.created.add_pipeline();
     gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(&linked.label),
         source: wgpu::ShaderSource::Wgsl(linked.wgsl.as_str().into()),

@@ -19,9 +19,11 @@
 //! [`Gpu::required_features`] and [`Gpu::required_limits`]), builds a [`View`] from its camera, and records
 //! [`Renderer::frame`] into its own encoder through [`Recorder::begin_in`].
 
+pub mod environment;
 mod error;
 mod loaded;
 mod pipelines;
+mod plan;
 mod renderer;
 mod settings;
 mod still;
@@ -34,10 +36,11 @@ pub use chiaro_gpu::{
 pub use chiaro_scene as scene;
 pub use chiaro_techniques as techniques;
 pub use chiaro_techniques::post::Aov;
-pub use chiaro_techniques::settings::{Effect, Field};
+pub use chiaro_techniques::settings::{Effect, Field, Kind};
 pub use error::Error;
 pub use loaded::LoadedScene;
 pub use pipelines::FrameOutputs;
+pub use plan::{Built, Kit, Plan};
 pub use renderer::Renderer;
 pub use settings::{Pipeline, Settings};
 pub use still::{Jitter, Still, StillOptions};

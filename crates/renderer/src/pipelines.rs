@@ -26,8 +26,8 @@ pub(crate) struct FrameInputs<'a> {
     pub scene: &'a LoadedScene,
     pub camera: CullView,
     pub shadow_views: &'a [ShadowView],
-    /// Stored units.
-    pub sky: wgpu::Color,
+    /// Stored units; `None` = the environment.
+    pub sky: Option<wgpu::Color>,
     pub wants_surface: bool,
 }
 
@@ -46,22 +46,36 @@ pub(crate) fn record(
 fn deferred(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>) -> FrameOutputs {
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
+    passes.motion.record(frame, scene);
     let shadows = passes.shadows.record(frame, group, scene, inputs.shadow_views);
     let lists = passes.surfaces.cull(frame, scene, &inputs.camera);
     let surface = passes.surfaces.record(frame, group, scene, &lists);
     let light_grid = passes.direct.record_grid(frame, group);
     let radiance = passes.direct.record_deferred(frame, group, &surface, &shadows, &light_grid);
+    if let Some(transparency) = passes.transparency.as_ref().filter(|_| scene.see_through()) {
+        let light = (&shadows, &light_grid);
+        transparency.record(frame, (group, scene), &lists, light, &surface.depth, &radiance);
+    }
     FrameOutputs { radiance, shadows, light_grid, surface: Some(surface) }
 }
 
 fn forward(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>) -> FrameOutputs {
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
+    passes.motion.record(frame, scene);
     let shadows = passes.shadows.record(frame, group, scene, inputs.shadow_views);
     let lists = passes.surfaces.cull(frame, scene, &inputs.camera);
     let surface = inputs.wants_surface.then(|| passes.surfaces.record(frame, group, scene, &lists));
     let light_grid = passes.direct.record_grid(frame, group);
     let radiance =
         passes.direct.record_forward(frame, (group, scene), &lists, &shadows, &light_grid, inputs.sky);
+    if let Some(transparency) = passes.transparency.as_ref().filter(|_| scene.see_through()) {
+        let depth = match &surface {
+            Some(surface) => surface.depth.clone(),
+            None => passes.surfaces.record_visibility(frame, group, scene, &lists),
+        };
+        let light = (&shadows, &light_grid);
+        transparency.record(frame, (group, scene), &lists, light, &depth, &radiance);
+    }
     FrameOutputs { radiance, shadows, light_grid, surface }
 }

@@ -1,38 +1,46 @@
 //! The renderer: passes for the current settings, and what a frame needs to be prepared.
 
-use chiaro_gpu::{Frame, Gpu, GroupLayout, Recorder, TexturePool, wgpu};
+use chiaro_gpu::shader::Library;
+use chiaro_gpu::{Frame, Gpu, GroupLayout, TexturePool, wgpu};
 use chiaro_scene::Scene;
 use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
 use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
+use chiaro_techniques::motion::Motion;
+use chiaro_techniques::shaders;
 use chiaro_techniques::shadow::{CameraView, ShadowMaps, ShadowView, fit};
-use chiaro_techniques::shared::albedo_table;
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
 use chiaro_techniques::surface::culling::CullView;
-use chiaro_techniques::surface::{SceneFacts, SceneGpu, Surfaces};
+use chiaro_techniques::surface::{SceneFacts, Surfaces};
+use chiaro_techniques::transparency::Transparency;
 use glam::{Mat4, Vec2, Vec3};
 
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
+use crate::plan::{Built, Kit, Missing, Plan};
 use crate::{Error, LoadedScene, Pipeline, Settings, View};
 
 /// Compiled passes and their resources.
 #[derive(Debug)]
 pub(crate) struct Passes {
     pub frame_group: FrameGroup,
+    pub motion: Motion,
     pub surfaces: Surfaces,
     pub shadows: ShadowMaps,
     pub direct: DirectLight,
+    /// Once a scene had something see-through.
+    pub transparency: Option<Transparency>,
 }
 
 /// Renders scenes with the techniques that [`Settings`] choose.
 ///
-/// A frame is [`Renderer::prepare`], which may allocate, then [`Renderer::frame`], which does not.
+/// A frame is [`Renderer::prepare`], which may allocate, then [`Renderer::frame`], which does not. Programs that must not
+/// stall compile on another thread: [`Renderer::plan`], [`Plan::build`], [`Renderer::install`].
 #[derive(Debug)]
 pub struct Renderer {
-    gpu: Gpu,
+    kit: Kit,
     settings: Settings,
-    frame_layout: GroupLayout,
-    scene_layout: GroupLayout,
     passes: Passes,
+    // Counts installations of passes, so that a plan made before the last one is known.
+    generation: u64,
     pub(crate) pool: TexturePool,
     prepared: Option<Prepared>,
     previous_clip_from_ws: Option<Mat4>,
@@ -48,7 +56,7 @@ struct Prepared {
     camera: CullView,
     shadow_views: Vec<ShadowView>,
     lights: Vec<chiaro_techniques::shared::frame::LightData>,
-    sky: wgpu::Color,
+    sky: Option<wgpu::Color>,
 }
 
 impl Renderer {
@@ -58,28 +66,14 @@ impl Renderer {
     /// When settings do not go together, the adapter cannot do them, or a shader does not compile.
     pub fn new(gpu: &Gpu, settings: Settings) -> Result<Self, Error> {
         check(gpu, &settings)?;
-        let frame_layout = FrameGroup::layout(gpu);
-        let scene_layout = SceneGpu::layout(gpu);
-        let table = albedo_table::texture(gpu);
-        let mut recorder = Recorder::new(gpu, false);
-        let mut frame = recorder.begin();
-        albedo_table::record(&mut frame, &table)?;
-        frame.submit();
-        let facts = SceneFacts::default();
-        let permutations = Permutations::new(&settings.shadow, settings.surface.msaa, facts);
-        let passes = Passes {
-            frame_group: FrameGroup::new(gpu, &frame_layout, &table),
-            surfaces: Surfaces::new(gpu, &frame_layout, &scene_layout, facts)?,
-            shadows: ShadowMaps::new(gpu, &frame_layout, &scene_layout, &settings.shadow, facts)?,
-            direct: DirectLight::new(gpu, &frame_layout, &scene_layout, permutations)?,
-        };
+        let kit = Kit::new(gpu, shaders::library());
+        let passes = kit.passes(&settings, SceneFacts::default())?;
         gpu.check()?;
         Ok(Self {
-            gpu: gpu.clone(),
+            kit,
             settings,
-            frame_layout,
-            scene_layout,
             passes,
+            generation: 0,
             pool: TexturePool::default(),
             prepared: None,
             previous_clip_from_ws: None,
@@ -88,44 +82,77 @@ impl Renderer {
         })
     }
 
-    /// Changes settings; compiles only what the change needs.
+    /// Changes settings; compiles only what the change needs, and waits for it.
     ///
     /// # Errors
     /// As [`Renderer::new`]; the old settings then stay in force.
     pub fn set(&mut self, settings: Settings) -> Result<(), Error> {
-        check(&self.gpu, &settings)?;
-        self.compile(&settings, self.passes.surfaces.facts())?;
-        self.settings = settings;
+        let built = self.plan(settings, SceneFacts::default())?.build()?;
+        self.install(built);
         Ok(())
     }
 
-    /// Makes the passes serve these settings and scenes; on an error nothing changes.
-    fn compile(&mut self, settings: &Settings, facts: SceneFacts) -> Result<(), Error> {
-        let permutations = Permutations::new(&settings.shadow, settings.surface.msaa, facts);
-        let (gpu, frame, scene) = (&self.gpu, &self.frame_layout, &self.scene_layout);
-        let surfaces = (self.passes.surfaces.facts() != facts)
-            .then(|| Surfaces::new(gpu, frame, scene, facts))
-            .transpose()?;
-        let shadows = (!self.passes.shadows.serves(&settings.shadow, facts))
-            .then(|| ShadowMaps::new(gpu, frame, scene, &settings.shadow, facts))
-            .transpose()?;
-        let direct = (self.passes.direct.permutations() != permutations)
-            .then(|| DirectLight::new(gpu, frame, scene, permutations))
-            .transpose()?;
-        if let Some(surfaces) = surfaces {
+    /// What must be compiled for these settings, and for a scene of these facts beside those known already.
+    ///
+    /// # Errors
+    /// When settings do not go together, or the adapter cannot do them.
+    pub fn plan(&self, settings: Settings, facts: SceneFacts) -> Result<Plan, Error> {
+        check(&self.kit.gpu, &settings)?;
+        let facts = self.passes.surfaces.facts().union(facts);
+        let missing = Missing::from(&self.passes, &settings, facts);
+        Ok(Plan::new(self.kit.clone(), settings, facts, self.generation, missing))
+    }
+
+    /// A plan to compile everything anew from other shaders.
+    pub fn plan_shaders(&self, library: Library) -> Plan {
+        let kit = Kit { library, ..self.kit.clone() };
+        let facts = self.passes.surfaces.facts();
+        Plan::new(kit, self.settings.clone(), facts, self.generation, Missing::all(facts))
+    }
+
+    /// Takes over what was compiled, and the settings it was compiled for. `false`, and nothing changes, when something else
+    /// was installed after the plan was made: plan again.
+    pub fn install(&mut self, built: Built) -> bool {
+        if built.generation != self.generation {
+            return false;
+        }
+        self.settings = built.settings;
+        if built.is_empty {
+            return true;
+        }
+        self.generation += 1;
+        self.kit = built.kit;
+        // New passes have no room yet.
+        self.prepared = None;
+        if let Some(frame_group) = built.frame_group {
+            self.passes.frame_group = frame_group;
+        }
+        if let Some(motion) = built.motion {
+            self.passes.motion = motion;
+        }
+        if let Some(surfaces) = built.surfaces {
             self.passes.surfaces = surfaces;
         }
-        if let Some(shadows) = shadows {
+        if let Some(shadows) = built.shadows {
             self.passes.shadows = shadows;
         }
-        if let Some(direct) = direct {
+        if let Some(direct) = built.direct {
             self.passes.direct = direct;
         }
-        Ok(())
+        if built.transparency.is_some() {
+            self.passes.transparency = built.transparency;
+        }
+        true
     }
 
-    pub(crate) fn permutations(&self) -> Permutations {
+    /// What shaders that look up lights are compiled for.
+    pub fn permutations(&self) -> Permutations {
         self.passes.direct.permutations()
+    }
+
+    /// Frees textures of sizes and kinds that are no longer in use, and that would otherwise be kept for the next use.
+    pub fn trim(&self) {
+        self.pool.trim();
     }
 
     /// The settings in force.
@@ -135,12 +162,17 @@ impl Renderer {
 
     /// The device.
     pub fn gpu(&self) -> &Gpu {
-        &self.gpu
+        &self.kit.gpu
+    }
+
+    /// What passes of one's own are compiled with, and scenes are uploaded with on other threads.
+    pub fn kit(&self) -> &Kit {
+        &self.kit
     }
 
     /// Group 0's layout, for passes of one's own.
     pub fn frame_layout(&self) -> &GroupLayout {
-        &self.frame_layout
+        &self.kit.frame_layout
     }
 
     /// The frame's bind group, for passes of one's own.
@@ -158,11 +190,11 @@ impl Renderer {
     /// # Errors
     /// When it does not fit the adapter.
     pub fn load(&mut self, scene: &Scene) -> Result<LoadedScene, Error> {
-        let gpu = SceneGpu::upload(&self.gpu, &self.scene_layout, scene)?;
-        let settings = self.settings.clone();
-        self.compile(&settings, self.passes.surfaces.facts().union(gpu.facts))?;
-        self.gpu.check()?;
-        Ok(LoadedScene::new(gpu, scene))
+        let loaded = self.kit.upload(scene)?;
+        let built = self.plan(self.settings.clone(), loaded.gpu.facts)?.build()?;
+        self.install(built);
+        self.kit.gpu.check()?;
+        Ok(loaded)
     }
 
     /// Computes a frame's data and makes room for it. `jitter_px` moves the picture by parts of a pixel, and
@@ -185,7 +217,13 @@ impl Renderer {
         self.notes = notes;
         let grid = grid_size(size_px, lights.len() - scene.directional);
         let sky_view = sky_view(&mut self.sky_view, scene, view.eye_ws());
-        let Ambient { radiance: around, sky } = ambient(&settings.indirect, &lights, bounds, sky_view);
+        let map = scene.environment.as_ref();
+        let factor = settings.environment.intensity;
+        let turn = settings.environment.rotation.to_radians();
+        let mean = map.map(|map| map.harmonics.mean * factor);
+        let Ambient { radiance: around, sky, environment: share } =
+            ambient(&settings.indirect, &lights, bounds, sky_view, mean);
+        let diffuse = map.map_or([Mat4::ZERO; 3], |map| map.harmonics.turned(turn, factor * share));
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
@@ -202,22 +240,31 @@ impl Renderer {
             lighting_model: settings.surface.lighting as u32,
             seed: settings.seed,
             ambient: around.map(|channel| channel.to_array()),
+            environment: diffuse.map(|channel| channel.to_cols_array_2d()),
             sky: sky.to_array(),
             radiance_scale: scene.radiance_scale,
             normal_maps: u32::from(settings.surface.normal_maps),
             anisotropy: settings.surface.anisotropy,
+            environment_nits: map.map_or(0.0, |map| map.nits * factor),
+            environment_share: share,
+            environment_turn: [turn.cos(), turn.sin()],
             _pad: [0; 2],
         };
         self.previous_clip_from_ws = Some(steady);
         let eye =
             if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };
         let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
-        let sky = wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 };
+        let sky = map.is_none().then_some(wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 });
         let forward = settings.pipeline == Pipeline::Forward;
-        self.passes.frame_group.reserve(&self.gpu, lights.len(), shadow_views.len());
-        self.passes.surfaces.reserve(&self.gpu, &self.pool, &scene.gpu, size_px);
-        self.passes.shadows.reserve(&self.gpu, &scene.gpu, &shadow_views, settings.shadow.cache);
-        self.passes.direct.reserve(&self.gpu, &self.pool, size_px, grid, forward);
+        let environment = map.map(|map| &map.texture);
+        let views = shadow_views.len();
+        self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), views, environment);
+        self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
+        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, settings.shadow.cache);
+        self.passes.direct.reserve(&self.kit.gpu, &self.pool, size_px, grid, forward);
+        if let Some(transparency) = &mut self.passes.transparency {
+            transparency.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px, settings.surface.layers);
+        }
         let camera = CullView::new(&clip_from_ws, eye, true, false);
         self.prepared = Some(Prepared { data, camera, shadow_views, lights, sky });
     }

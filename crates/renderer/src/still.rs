@@ -4,7 +4,7 @@ use chiaro_gpu::{Readback, Recorder};
 use chiaro_techniques::post::{Accumulator, Aov, AovPass, Display, Sum};
 use glam::Vec2;
 
-use crate::{Error, LoadedScene, Renderer, View};
+use crate::{Error, Kit, LoadedScene, Renderer, View};
 
 /// What to make.
 #[derive(Clone, Debug)]
@@ -104,15 +104,15 @@ impl Renderer {
         options: &StillOptions,
         mut progress: impl FnMut(u32),
     ) -> Result<Still, Error> {
-        let gpu = self.gpu().clone();
+        let Kit { gpu, library, .. } = self.kit().clone();
         let size = options.size;
         let samples = options.samples.max(1);
         let jitter = Jitter::new(samples);
-        let accumulator = Accumulator::new(&gpu)?;
-        let display = Display::new(&gpu)?;
+        let accumulator = Accumulator::new(&gpu, &library)?;
+        let display = Display::new(&gpu, &library)?;
         let permutations = self.permutations();
         let aov_pass = (!options.aovs.is_empty())
-            .then(|| AovPass::new(&gpu, self.frame_layout(), permutations, options.aovs.len()))
+            .then(|| AovPass::new(&gpu, &library, self.frame_layout(), permutations, options.aovs.len()))
             .transpose()?;
         let mut sum = Sum::new(&gpu, &self.pool, size);
         let mut aov_sums: Vec<_> = options.aovs.iter().map(|_| Sum::new(&gpu, &self.pool, size)).collect();

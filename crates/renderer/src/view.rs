@@ -1,6 +1,6 @@
 //! A camera at a place: matrices that shaders need.
 
-use chiaro_scene::{Projection, Scene};
+use chiaro_scene::{Pose, Projection, Scene};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 /// Where the picture is taken from, and through which lens.
@@ -19,9 +19,14 @@ pub struct View {
 const DEFAULT_FAR_M: f32 = 1000.0;
 
 impl View {
-    /// The scene's camera number `index`, in the order its nodes place them.
+    /// The scene's camera number `index`, in the order its nodes place them, as it stands at time 0.
     pub fn from_scene(scene: &Scene, index: usize) -> Option<Self> {
-        let (camera, world_from_camera) = *scene.placed_cameras().get(index)?;
+        Self::from_pose(scene, &scene.pose(0.0), index)
+    }
+
+    /// The scene's camera number `index`, in the order its nodes place them, as it stands in a pose.
+    pub fn from_pose(scene: &Scene, pose: &Pose, index: usize) -> Option<Self> {
+        let (camera, world_from_camera) = *scene.placed_cameras_at(pose).get(index)?;
         let camera = &scene.cameras[camera];
         // A camera's scale is none of its lens' business.
         let (_, rotation, translation) = world_from_camera.to_scale_rotation_translation();

@@ -9,13 +9,16 @@
 
 pub mod caustics;
 pub mod direct;
+pub mod environment;
 pub mod indirect;
+pub mod motion;
 pub mod post;
 pub mod settings;
 pub mod shaders;
 pub mod shadow;
 pub mod shared;
 pub mod surface;
+pub mod transparency;
 
 #[cfg(test)]
 mod layout_tests;

@@ -16,6 +16,37 @@ pub enum Effect {
     Permutation,
 }
 
+/// What values a setting takes, for panels that make a widget of it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Kind {
+    /// true or false.
+    Switch,
+    /// One of these names, each with its meaning.
+    Choice(&'static [(&'static str, &'static str)]),
+    /// A whole number, both ends included.
+    Whole(u32, u32),
+    /// A number, both ends included.
+    Number(f32, f32),
+    /// A word, or a number with both ends included.
+    WordOrNumber(&'static str, f32, f32),
+}
+
+impl std::fmt::Display for Kind {
+    /// The values in words, as `chiaro settings` prints them.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Switch => write!(f, "true|false"),
+            Self::Choice(names) => {
+                let names: Vec<_> = names.iter().map(|(name, _)| *name).collect();
+                write!(f, "{}", names.join("|"))
+            }
+            Self::Whole(low, high) => write!(f, "{low}..{high}"),
+            Self::Number(low, high) => write!(f, "{low}..{high}"),
+            Self::WordOrNumber(word, low, high) => write!(f, "{word}|{low}..{high}"),
+        }
+    }
+}
+
 /// One setting, described.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Field {
@@ -26,7 +57,7 @@ pub struct Field {
     /// Unit of the number, or empty.
     pub unit: &'static str,
     /// Allowed values.
-    pub range: String,
+    pub kind: Kind,
     /// Value if not set.
     pub default: String,
     /// Cost of a change.
@@ -44,8 +75,8 @@ pub trait Value: Sized + Clone {
     fn parse(text: &str, range: &Self::Range) -> Result<Self, String>;
     /// Writes it as [`Value::parse`] reads it.
     fn show(&self) -> String;
-    /// The range in words.
-    fn show_range(range: &Self::Range) -> String;
+    /// What values it takes.
+    fn kind(range: &Self::Range) -> Kind;
 }
 
 impl Value for bool {
@@ -60,29 +91,29 @@ impl Value for bool {
     fn show(&self) -> String {
         self.to_string()
     }
-    fn show_range((): &()) -> String {
-        "true|false".into()
+    fn kind((): &()) -> Kind {
+        Kind::Switch
     }
 }
 
 macro_rules! number {
-    ($($ty:ty),*) => {$(
+    ($($ty:ty => $kind:ident),*) => {$(
         impl Value for $ty {
             type Range = RangeInclusive<$ty>;
             fn parse(text: &str, range: &Self::Range) -> Result<Self, String> {
                 let value = text.parse::<$ty>().ok().filter(|value| range.contains(value));
-                value.ok_or_else(|| format!("a number in {}", Self::show_range(range)))
+                value.ok_or_else(|| format!("a number in {}", Self::kind(range)))
             }
             fn show(&self) -> String {
                 self.to_string()
             }
-            fn show_range(range: &Self::Range) -> String {
-                format!("{}..{}", range.start(), range.end())
+            fn kind(range: &Self::Range) -> Kind {
+                Kind::$kind(*range.start(), *range.end())
             }
         }
     )*};
 }
-number!(u32, f32);
+number!(u32 => Whole, f32 => Number);
 
 /// A struct of settings.
 pub trait SettingsGroup {
@@ -102,10 +133,10 @@ pub trait SettingsGroup {
 /// Declares an enum of named choices; the first is the default.
 #[macro_export]
 macro_rules! choice {
-    ($(#[$meta:meta])* pub enum $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
+    ($(#[$meta:meta])* pub enum $name:ident { $($(#[doc = $doc:literal])+ $variant:ident = $text:literal),+ $(,)? }) => {
         $(#[$meta])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        pub enum $name { $($(#[$doc])* $variant),+ }
+        pub enum $name { $($(#[doc = $doc])+ $variant),+ }
 
         impl $crate::settings::Value for $name {
             type Range = ();
@@ -118,8 +149,8 @@ macro_rules! choice {
             fn show(&self) -> String {
                 match self { $(Self::$variant => $text.into()),+ }
             }
-            fn show_range((): &()) -> String {
-                [$($text),+].join("|")
+            fn kind((): &()) -> $crate::settings::Kind {
+                $crate::settings::Kind::Choice(&[$(($text, concat!($($doc),+))),+])
             }
         }
     };
@@ -153,7 +184,7 @@ macro_rules! settings {
                     key: format!("{}.{}", $group, $crate::settings!(@key $field $($key)?)),
                     meaning: [$($doc),+].map(str::trim).join(" "),
                     unit: $unit,
-                    range: <$ty as $crate::settings::Value>::show_range(&$range),
+                    kind: <$ty as $crate::settings::Value>::kind(&$range),
                     default: <$ty as $crate::settings::Value>::show(&$default),
                     effect: $crate::settings::Effect::$effect,
                 }),+]

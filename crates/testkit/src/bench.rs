@@ -43,7 +43,7 @@ impl Bench {
         let table = albedo_table::texture(gpu);
         let mut recorder = Recorder::new(gpu, false);
         let mut frame = recorder.begin();
-        need(albedo_table::record(&mut frame, &table));
+        need(albedo_table::record(&mut frame, &shaders::library(), &table));
         frame.submit();
         let frame = FrameGroup::new(gpu, &frame_layout, &table);
         Self { gpu: gpu.clone(), scene_layout: SceneGpu::layout(gpu), frame_layout, frame }

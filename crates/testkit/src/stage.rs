@@ -43,7 +43,7 @@ impl Stage {
     /// Adds a parallelogram `center ± u ± v` with its front towards `u × v`, texture coordinates 0..1 along u and
     /// against v (the image stands upright).
     pub fn quad(&mut self, center: Vec3, u: Vec3, v: Vec3, material: Id) {
-        let mesh = Mesh { name: String::new(), primitives: vec![quad(center, u, v, material)] };
+        let mesh = Mesh { primitives: vec![quad(center, u, v, material)], ..Mesh::default() };
         self.place(mesh, Affine3A::IDENTITY);
     }
 
@@ -80,14 +80,7 @@ impl Stage {
 }
 
 fn node(pose: Affine3A) -> Node {
-    Node {
-        name: String::new(),
-        parent: None,
-        parent_from_node: Transform::Matrix(pose),
-        mesh: None,
-        camera: None,
-        light: None,
-    }
+    Node { parent_from_node: Transform::Matrix(pose), ..Node::default() }
 }
 
 /// See [`Stage::quad`].

@@ -1,6 +1,6 @@
 //! A scene's lights as shaders read them.
 
-use chiaro_scene::{LightKind, Scene};
+use chiaro_scene::{LightKind, Pose, Scene};
 use glam::Vec3;
 
 use crate::shared::frame::LightData;
@@ -10,10 +10,11 @@ const TILE_PX: u32 = 64;
 /// Depth slices of the froxel grid.
 const SLICES: u32 = 24;
 
-/// All placed lights that shine, directional ones first, and how many of those there are. Shadow views are not set.
-pub fn light_data(scene: &Scene) -> (Vec<LightData>, usize) {
+/// All placed lights that shine, as they stand in a pose, directional ones first, and how many of those there are.
+/// Shadow views are not set.
+pub fn light_data(scene: &Scene, pose: &Pose) -> (Vec<LightData>, usize) {
     let mut lights: Vec<_> = scene
-        .placed_lights()
+        .placed_lights_at(pose)
         .into_iter()
         .map(|(light, world_from_light)| {
             let light = &scene.lights[light];

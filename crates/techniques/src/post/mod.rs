@@ -12,6 +12,7 @@ mod settings;
 pub use settings::{CameraSettings, Curve, Exposure};
 
 use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture,
@@ -87,6 +88,16 @@ impl Sum {
         Self { textures, frames: 0 }
     }
 
+    /// Forgets what was summed: the next frame starts anew in the same textures.
+    pub fn restart(&mut self) {
+        self.frames = 0;
+    }
+
+    /// Frames summed.
+    pub fn frames(&self) -> u32 {
+        self.frames
+    }
+
     /// The newest sum: nits, and coverage by surfaces in alpha.
     pub fn texture(&self) -> &Texture {
         &self.textures[self.frames as usize % 2]
@@ -113,9 +124,9 @@ impl Accumulator {
     ///
     /// # Errors
     /// When the shader does not compile.
-    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub fn new(gpu: &Gpu, library: &Library) -> Result<Self, GpuError> {
         Ok(Self {
-            pipeline: plain(gpu, "post/accumulate.cs.wesl")?,
+            pipeline: plain(gpu, library, "post/accumulate.cs.wesl")?,
             uniform: uniform::<Accumulation>(gpu, "accumulation"),
         })
     }
@@ -154,12 +165,12 @@ impl Display {
     ///
     /// # Errors
     /// When a shader does not compile.
-    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub fn new(gpu: &Gpu, library: &Library) -> Result<Self, GpuError> {
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         Ok(Self {
-            histogram: plain(gpu, "post/histogram.cs.wesl")?,
-            exposure: plain(gpu, "post/exposure.cs.wesl")?,
-            tone_map: plain(gpu, "post/tone_map.cs.wesl")?,
+            histogram: plain(gpu, library, "post/histogram.cs.wesl")?,
+            exposure: plain(gpu, library, "post/exposure.cs.wesl")?,
+            tone_map: plain(gpu, library, "post/tone_map.cs.wesl")?,
             bins: Buffer::new(gpu, "histogram", Life::Frame, 4 * 256, storage),
             histogram_input: uniform::<[u32; 4]>(gpu, "histogram_input"),
             exposure_input: uniform::<[u32; 4]>(gpu, "exposure_input"),
@@ -212,13 +223,14 @@ impl AovPass {
     /// When the shader does not compile.
     pub fn new(
         gpu: &Gpu,
+        library: &Library,
         frame_layout: &GroupLayout,
         permutations: Permutations,
         count: usize,
     ) -> Result<Self, GpuError> {
         let entry = shaders::plain("post/aov.cs.wesl");
         let constants = permutations.constants();
-        let pipeline = ComputePipeline::new(gpu, &shaders::library(), &entry, &[frame_layout], &constants)?;
+        let pipeline = ComputePipeline::new(gpu, library, &entry, &[frame_layout], &constants)?;
         Ok(Self { pipeline, inputs: (0..count).map(|_| uniform::<[u32; 4]>(gpu, "aov_input")).collect() })
     }
 
@@ -243,8 +255,8 @@ impl AovPass {
     }
 }
 
-fn plain(gpu: &Gpu, entry: &'static str) -> Result<ComputePipeline, GpuError> {
-    ComputePipeline::new(gpu, &shaders::library(), &shaders::plain(entry), &[], &[])
+fn plain(gpu: &Gpu, library: &Library, entry: &'static str) -> Result<ComputePipeline, GpuError> {
+    ComputePipeline::new(gpu, library, &shaders::plain(entry), &[], &[])
 }
 
 fn uniform<T>(gpu: &Gpu, name: &'static str) -> Buffer {

@@ -1,6 +1,6 @@
 //! Settings from scene radiance to the screen.
 
-use crate::settings::Value;
+use crate::settings::{Kind, Value};
 use crate::{choice, settings};
 
 choice! {
@@ -38,8 +38,8 @@ impl Value for Exposure {
             Self::Ev100(ev) => ev.to_string(),
         }
     }
-    fn show_range(range: &Self::Range) -> String {
-        format!("auto|{}", f32::show_range(range))
+    fn kind(range: &Self::Range) -> Kind {
+        Kind::WordOrNumber("auto", *range.start(), *range.end())
     }
 }
 

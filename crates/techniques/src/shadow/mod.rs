@@ -10,7 +10,8 @@
 //! | lights, scene bounds, camera | shadow views (group 0) | `ShadowView` | world metres |
 //! | scene geometry | maps | Depth32Float array, a layer a view | reversed light-clip z |
 //!
-//! Limits: a spot wider than 160° is lit but unshadowed beyond that; one map for a sun is coarse in large scenes.
+//! Limits: see-through surfaces cast full shadows, blended ones where their alpha is at least a half;
+//! a spot wider than 160° is lit but unshadowed beyond that; one map for a sun is coarse in large scenes.
 //! Cost: 4 bytes a texel, and one raster of the culled casters whenever light, camera (suns) or scene changed: a map that
 //! rests is kept (`shadow.cache`).
 
@@ -21,6 +22,7 @@ pub use settings::{Filter, Layout, PcfKernel, ShadowSettings};
 pub use views::{CameraView, ShadowView, fit};
 
 use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Binding, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
@@ -29,7 +31,7 @@ use chiaro_gpu::{
 
 use crate::shaders;
 use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, draw_classes};
-use crate::surface::scene::CLASSES;
+use crate::surface::scene::KINDS;
 use crate::surface::{SceneFacts, SceneGpu};
 
 /// What [`ShadowMaps::record`] writes.
@@ -57,12 +59,13 @@ const DRAW_VIEW_BYTES: u64 = 64;
 #[derive(Debug)]
 pub struct ShadowMaps {
     culling: Culling,
-    pipelines: [RenderPipeline; CLASSES],
+    pipelines: [RenderPipeline; KINDS],
     outputs: ShadowOutputs,
     draw_views: Buffer,
     capacity: usize,
-    // What lies in the maps: the views they were rendered for, and the scene.
+    // What lies in the maps: the views they were rendered for, the scene, and which of its poses.
     rendered: (u64, Vec<ShadowView>),
+    pose: u64,
     keeps: bool,
     cull_front: bool,
     facts: SceneFacts,
@@ -75,13 +78,13 @@ impl ShadowMaps {
     /// When a shader does not compile.
     pub fn new(
         gpu: &Gpu,
+        library: &Library,
         frame_layout: &GroupLayout,
         scene_layout: &GroupLayout,
         settings: &ShadowSettings,
         facts: SceneFacts,
     ) -> Result<Self, GpuError> {
         let materials = facts.constants();
-        let library = shaders::library();
         let shared = &[frame_layout, scene_layout];
         let pipeline = |class: usize| {
             let masked = class & 2 != 0;
@@ -92,7 +95,7 @@ impl ShadowMaps {
                 constants: if masked { &materials } else { &[] },
                 ..Default::default()
             };
-            RenderPipeline::new(gpu, &library, &shaders::shadow_depth(masked), shared, &options)
+            RenderPipeline::new(gpu, library, &shaders::shadow_depth(masked), shared, &options)
         };
         let compare = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("shadow_compare"),
@@ -105,12 +108,13 @@ impl ShadowMaps {
             .device
             .create_sampler(&wgpu::SamplerDescriptor { label: Some("shadow_gather"), ..Default::default() });
         Ok(Self {
-            culling: Culling::new(gpu, scene_layout)?,
+            culling: Culling::new(gpu, library, scene_layout)?,
             pipelines: [pipeline(0)?, pipeline(1)?, pipeline(2)?, pipeline(3)?],
             outputs: ShadowOutputs { maps: maps(gpu, 1, 1), compare, gather },
             draw_views: draw_views(gpu, 1),
             capacity: 1,
             rendered: (0, Vec::new()),
+            pose: 0,
             keeps: true,
             cull_front: settings.bias_cull_front,
             facts,
@@ -142,7 +146,7 @@ impl ShadowMaps {
         }
     }
 
-    /// Renders the maps of views that moved since they were rendered last.
+    /// Renders the maps of views that moved since they were rendered last, and of those that see something that did.
     pub fn record(
         &mut self,
         frame: &mut Frame<'_>,
@@ -150,9 +154,24 @@ impl ShadowMaps {
         scene: &SceneGpu,
         views: &[ShadowView],
     ) -> ShadowOutputs {
+        let keeps_near = frame.gpu().optional.depth_clip_control;
+        let cull_view = |v: &ShadowView| CullView::new(&v.clip_from_ws, v.eye_ws, false, keeps_near);
+        let casters_moved = |view: &ShadowView| match scene.motion.generation().wrapping_sub(self.pose) {
+            0 => false,
+            1 => {
+                let view = cull_view(view);
+                scene
+                    .motion
+                    .moved_bounds_ws()
+                    .any(|(lo, hi)| view.sees(0.5 * (lo + hi), 0.5 * lo.distance(hi)))
+            }
+            _ => true,
+        };
         let moved: Vec<(u32, &ShadowView)> = (0..)
             .zip(views)
-            .filter(|(layer, view)| self.rendered.1.get(*layer as usize) != Some(*view))
+            .filter(|(layer, view)| {
+                self.rendered.1.get(*layer as usize) != Some(*view) || casters_moved(view)
+            })
             .collect();
         let matrices: Vec<_> = moved
             .iter()
@@ -162,14 +181,10 @@ impl ShadowMaps {
             })
             .collect();
         frame.upload(&self.draw_views, &matrices);
-        let keeps_near = frame.gpu().optional.depth_clip_control;
         let batch = Culling::views_at_once(frame.gpu(), scene);
         let names = ["shadow/cull_count", "shadow/cull_scan", "shadow/cull_expand"];
         for (first, chunk) in (0..).step_by(batch).zip(moved.chunks(batch)) {
-            let cull_views: Vec<_> = chunk
-                .iter()
-                .map(|(_, v)| CullView::new(&v.clip_from_ws, v.eye_ws, false, keeps_near))
-                .collect();
+            let cull_views: Vec<_> = chunk.iter().map(|(_, view)| cull_view(view)).collect();
             let lists = self.culling.record(frame, names, scene, &cull_views);
             for (index, (layer, _)) in chunk.iter().enumerate() {
                 let targets = Targets {
@@ -184,13 +199,21 @@ impl ShadowMaps {
                 let binds = [("draw_view", Binding::BufferRange(&self.draw_views, offset, DRAW_VIEW_BYTES))];
                 frame.render("shadow/depth", targets, |pass| {
                     let shared = &[frame_group, scene.group()];
-                    draw_classes(pass, &self.pipelines, shared, &binds, (&lists, index, true));
+                    draw_classes(
+                        pass,
+                        &self.pipelines,
+                        scene.classes(),
+                        shared,
+                        &binds,
+                        (&lists, index, true),
+                    );
                 });
             }
         }
         if self.keeps && (!moved.is_empty() || self.rendered.1.len() != views.len()) {
             self.rendered = (scene.id(), views.to_vec());
         }
+        self.pose = scene.motion.generation();
         self.outputs.clone()
     }
 }

@@ -1,5 +1,6 @@
 //! The table of the specular lobe's directional albedo, made once per device by the BRDF's own sampling.
 
+use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{TextureFormat, TextureUsages};
 use chiaro_gpu::{ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life, Texture, TextureOptions};
 
@@ -21,9 +22,9 @@ pub fn texture(gpu: &Gpu) -> Texture {
 ///
 /// # Errors
 /// When the shader does not compile.
-pub fn record(frame: &mut Frame<'_>, table: &Texture) -> Result<(), GpuError> {
+pub fn record(frame: &mut Frame<'_>, library: &Library, table: &Texture) -> Result<(), GpuError> {
     let entry = shaders::plain("shared/albedo_table.cs.wesl");
-    let pipeline = ComputePipeline::new(frame.gpu(), &shaders::library(), &entry, &[], &[])?;
+    let pipeline = ComputePipeline::new(frame.gpu(), library, &entry, &[], &[])?;
     let groups = Dispatch::Groups([HEIGHT, 1, 1]);
     frame.compute("shared/albedo_table", &pipeline, &[], &[("table", table.into())], groups);
     Ok(())

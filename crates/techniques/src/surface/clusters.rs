@@ -3,9 +3,13 @@
 //! Every primitive is cut into clusters of at most 128 triangles over at most 128 vertices (meshoptimizer), whose
 //! vertices are stored together, so that a draw list entry is an item and a byte.
 
+use std::ops::Range;
+
 use bytemuck::{Pod, Zeroable};
 use chiaro_scene as cs;
 use glam::{Vec2, Vec3, Vec4};
+
+use crate::motion::rest::{self, Rest};
 
 /// See `scene.wesl`.
 #[repr(C)]
@@ -20,11 +24,15 @@ pub struct ClusterData {
     pub triangle_count: u32,
     pub extras: u32,
     pub material: u32,
-    pub double_sided: u32,
+    pub flags: u32,
     pub vertex_count: u32,
 }
 
 const NO_EXTRAS: u32 = u32::MAX;
+const DOUBLE_SIDED: u32 = 1;
+const BENDS: u32 = 2;
+/// A normal cone that is never culled.
+const NO_CONE: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 const MAX_CLUSTER_VERTICES: usize = 128;
 const MAX_CLUSTER_TRIANGLES: usize = 128;
 /// meshoptimizer's trade between round clusters (0) and clusters whose normals agree (1).
@@ -35,20 +43,48 @@ const CONE_WEIGHT: f32 = 0.25;
 pub(super) struct Heap {
     pub words: Vec<u32>,
     pub clusters: Vec<ClusterData>,
-    pub clusters_of_mesh: Vec<std::ops::Range<usize>>,
+}
+
+/// How a primitive's vertices get into the heap.
+enum Place<'a> {
+    /// As they are, in object space.
+    Object,
+    /// Bent, in world space, to be bent again in every pose: positions now, and where the shape at rest is stored.
+    World(&'a [Vec3], &'a mut Rest, &'a mut Vec<rest::Place>),
 }
 
 impl Heap {
     /// Cuts all primitives of a mesh.
-    pub fn add_mesh(&mut self, mesh: &cs::Mesh, materials: &[cs::Material]) {
+    pub fn add_mesh(&mut self, mesh: &cs::Mesh, materials: &[cs::Material]) -> Range<usize> {
         let first = self.clusters.len();
         for primitive in &mesh.primitives {
-            self.add_primitive(primitive, &materials[primitive.material]);
+            self.add_primitive(primitive, &materials[primitive.material], Place::Object);
         }
-        self.clusters_of_mesh.push(first..self.clusters.len());
+        first..self.clusters.len()
     }
 
-    fn add_primitive(&mut self, primitive: &cs::Primitive, material: &cs::Material) {
+    /// Cuts a mesh that bends, for one node: its vertices are its own.
+    pub fn add_bending(
+        &mut self,
+        scene: &cs::Scene,
+        pose: &cs::Pose,
+        node: cs::Id,
+        rest: &mut Rest,
+    ) -> Range<usize> {
+        let first = self.clusters.len();
+        let Some(mesh) = scene.nodes[node].mesh else { return first..first };
+        let mut places = Vec::new();
+        for primitive in &scene.meshes[mesh].primitives {
+            let positions: Vec<_> = scene.posed_vertices(pose, node, primitive).map(|(p, _)| p).collect();
+            let place = Place::World(&positions, rest, &mut places);
+            self.add_primitive(primitive, &scene.materials[primitive.material], place);
+        }
+        // Other nodes of the same mesh are cut alike and share its shape at rest.
+        rest.places.entry(mesh).or_insert(places);
+        first..self.clusters.len()
+    }
+
+    fn add_primitive(&mut self, primitive: &cs::Primitive, material: &cs::Material, mut place: Place<'_>) {
         let positions: &[u8] = bytemuck::cast_slice(&primitive.positions);
         // The stride divides the bytes and the offset is inside it, so this cannot fail.
         let Ok(adapter) = meshopt::VertexDataAdapter::new(positions, size_of::<Vec3>(), 0) else { return };
@@ -70,10 +106,10 @@ impl Heap {
                 triangle_count: (meshlet.triangles.len() / 3) as u32,
                 extras: NO_EXTRAS,
                 material: primitive.material as u32,
-                double_sided: u32::from(material.double_sided),
+                flags: if material.double_sided { DOUBLE_SIDED } else { 0 },
                 vertex_count: meshlet.vertices.len() as u32,
             };
-            self.add_cluster(primitive, meshlet, cluster);
+            self.add_cluster(primitive, meshlet, cluster, &mut place);
         }
     }
 
@@ -82,16 +118,28 @@ impl Heap {
         primitive: &cs::Primitive,
         meshlet: meshopt::Meshlet<'_>,
         mut cluster: ClusterData,
+        place: &mut Place<'_>,
     ) {
         let vertices = || meshlet.vertices.iter().map(|&vertex| vertex as usize);
-        for vertex in vertices() {
-            self.words.extend(primitive.positions[vertex].to_array().map(f32::to_bits));
+        if let Place::World(positions, rest, places) = place {
+            cluster.flags |= BENDS;
+            cluster.cone = NO_CONE;
+            cluster.sphere = sphere(vertices().map(|vertex| positions[vertex]));
+            // Now and before.
+            for vertex in vertices().chain(vertices()) {
+                self.words.extend(positions[vertex].to_array().map(f32::to_bits));
+            }
+            places.push(rest.add_cluster(primitive, meshlet.vertices));
+        } else {
+            for vertex in vertices() {
+                self.words.extend(primitive.positions[vertex].to_array().map(f32::to_bits));
+            }
         }
         cluster.attributes = self.words.len() as u32;
         for vertex in vertices() {
             let normal = primitive.normals.get(vertex).copied().unwrap_or(Vec3::Y);
             let uv = primitive.uvs[0].get(vertex).copied().unwrap_or_default();
-            self.words.push(snorm_pair(oct(normal)));
+            self.words.push(normal_word(normal));
             self.words.push(primitive.tangents.get(vertex).map_or(u32::MAX, |&t| tangent_word(t)));
             self.words.extend([uv.x.to_bits(), uv.y.to_bits()]);
         }
@@ -126,8 +174,22 @@ fn snorm_pair(v: Vec2) -> u32 {
     code(v.x) | code(v.y) << 16
 }
 
+/// A unit vector, octahedral, 16 bits a component.
+pub(crate) fn normal_word(normal: Vec3) -> u32 {
+    snorm_pair(oct(normal))
+}
+
+/// Around the middle of a box; twin of what `deform.cs.wesl` does.
+fn sphere(points: impl Iterator<Item = Vec3> + Clone) -> [f32; 4] {
+    let (lo, hi) =
+        points.clone().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
+    let center = 0.5 * (lo + hi);
+    let radius = points.map(|p| p.distance(center)).fold(0.0, f32::max);
+    center.extend(1.0001 * radius).to_array()
+}
+
 /// The bitangent's sign takes the low bit of the second component.
-fn tangent_word(tangent: Vec4) -> u32 {
+pub(crate) fn tangent_word(tangent: Vec4) -> u32 {
     let word = snorm_pair(oct(tangent.truncate())) & !(1 << 16);
     // All ones means none; the neighbour is half a thousandth of a degree away.
     (word | u32::from(tangent.w < 0.0) << 16).min(u32::MAX - 1)

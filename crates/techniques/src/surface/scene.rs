@@ -2,6 +2,7 @@
 //!
 //! Items, a cluster at an instance, are sorted by class, so that one prefix sum lays out the draws of all classes.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use bytemuck::{Pod, Zeroable};
@@ -12,6 +13,7 @@ use glam::{Affine3A, Vec3};
 
 use super::clusters::Heap;
 use super::{material, texture};
+use crate::motion::{self, MotionBuilder, SceneMotion, bounds_over_time};
 
 /// See `scene.wesl`.
 #[repr(C)]
@@ -41,11 +43,27 @@ static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 const MAX_ITEMS: usize = 1 << 24;
 
 /// How clusters are drawn: each class is one indirect draw per view.
-pub const CLASSES: usize = 4;
+pub const CLASSES: usize = 8;
+/// Classes that differ by how they are drawn: double-sided or not, masked or not.
+pub const KINDS: usize = 4;
+/// Classes of opaque and masked surfaces.
+pub const OPAQUE: Range<usize> = 0..KINDS;
+/// Classes of surfaces that others are seen through.
+pub const SEE_THROUGH: Range<usize> = KINDS..CLASSES;
 
-/// Class of a material: bit 0 double-sided, bit 1 masked.
+/// Class of a material: bit 0 double-sided, bit 1 masked or blended, bit 2 see-through.
 fn class(material: &cs::Material) -> usize {
-    usize::from(material.double_sided) | usize::from(material::alpha_cutoff(material) > 0.0) << 1
+    usize::from(material.double_sided)
+        | usize::from(material::alpha_cutoff(material) > 0.0) << 1
+        | usize::from(material::see_through(material)) << 2
+}
+
+/// What motion writes: the very buffers of group 1.
+#[derive(Debug)]
+pub(crate) struct SceneBuffers {
+    pub geometry: Buffer,
+    pub clusters: Buffer,
+    pub instances: Buffer,
 }
 
 /// A scene's buffers and textures, and the facts that passes need about it.
@@ -53,13 +71,16 @@ fn class(material: &cs::Material) -> usize {
 pub struct SceneGpu {
     id: u64,
     group: Group,
+    pub(crate) buffers: SceneBuffers,
+    /// What moves, and how it stands now.
+    pub motion: SceneMotion,
     /// Draws in all: clusters times their instances.
     pub item_count: u32,
     /// First item of each class.
     pub class_first: [u32; CLASSES],
     /// Triangles of all items.
     pub triangle_count: u32,
-    /// World-space corners, metres; zero-sized without geometry.
+    /// World-space corners of all geometry at all times, metres; zero-sized without geometry.
     pub bounds_ws: (Vec3, Vec3),
     /// Whether any material shines by itself.
     pub glows: bool,
@@ -76,6 +97,8 @@ pub struct SceneFacts {
     pub textures: u32,
     /// Texture size classes in use.
     pub size_classes: u32,
+    /// Whether any surface is see-through.
+    pub see_through: bool,
 }
 
 impl SceneFacts {
@@ -92,7 +115,11 @@ impl SceneFacts {
             ];
             uses.iter().enumerate().fold(0, |bits, (bit, used)| bits | u32::from(*used) << bit)
         };
-        Self { textures: scene.materials.iter().fold(0, |all, m| all | bits(m)), size_classes }
+        Self {
+            textures: scene.materials.iter().fold(0, |all, m| all | bits(m)),
+            size_classes,
+            see_through: scene.materials.iter().any(material::see_through),
+        }
     }
 
     /// What serves both.
@@ -101,6 +128,7 @@ impl SceneFacts {
         Self {
             textures: self.textures | other.textures,
             size_classes: self.size_classes.max(other.size_classes),
+            see_through: self.see_through | other.see_through,
         }
     }
 
@@ -148,18 +176,30 @@ impl SceneGpu {
     /// [`GpuError::TooLarge`] when the scene does not fit the adapter's limits.
     pub fn upload(gpu: &Gpu, layout: &GroupLayout, scene: &cs::Scene) -> Result<Self, GpuError> {
         let mut heap = Heap::default();
-        for mesh in &scene.meshes {
-            heap.add_mesh(mesh, &scene.materials);
-        }
-        let world = scene.world_from_node();
+        let mut motion = MotionBuilder::default();
+        let mut clusters_of_mesh = vec![None; scene.meshes.len()];
+        let pose = scene.pose(0.0);
+        let moving = scene.moving_nodes();
         let mut instances = Vec::new();
         let mut items: Vec<(usize, ItemData)> = Vec::new();
         let mut triangles = 0u64;
-        for (node, (scene_node, world)) in scene.nodes.iter().zip(&world).enumerate() {
+        for (node, (scene_node, world)) in scene.nodes.iter().zip(&pose.world_from_node).enumerate() {
             let Some(mesh) = scene_node.mesh else { continue };
             let instance = instances.len() as u32;
-            instances.push(instance_data(world, node as u32));
-            for cluster in heap.clusters_of_mesh[mesh].clone() {
+            let clusters = if scene.deforms(scene_node) {
+                let clusters = heap.add_bending(scene, &pose, node, &mut motion.rest);
+                motion.add_bending(scene, instance, node, clusters.clone());
+                instances.push(bending_instance_data(world, node as u32));
+                clusters
+            } else {
+                if moving[node] {
+                    motion.add_rigid(instance, node);
+                }
+                instances.push(instance_data(world, node as u32));
+                let cut = || heap.add_mesh(&scene.meshes[mesh], &scene.materials);
+                clusters_of_mesh[mesh].get_or_insert_with(cut).clone()
+            };
+            for cluster in clusters {
                 let data = &heap.clusters[cluster];
                 triangles += u64::from(data.triangle_count);
                 let class = class(&scene.materials[data.material as usize]);
@@ -169,12 +209,12 @@ impl SceneGpu {
         items.sort_by_key(|(class, _)| *class);
         let class_first = std::array::from_fn(|class| items.partition_point(|(c, _)| *c < class) as u32);
         let items: Vec<_> = items.into_iter().map(|(_, item)| item).collect();
-        check(gpu, &items, triangles, heap.words.len())?;
+        check(gpu, &items, triangles, (4 * heap.words.len() as u64).max(motion.largest_buffer()))?;
 
         let (arrays, slots, size_classes) = texture::upload(gpu, scene)?;
         let materials: Vec<_> =
             scene.materials.iter().map(|m| material::pack(m, &slots, &mut heap.words)).collect();
-        let usage = wgpu::BufferUsages::STORAGE;
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let geometry = Buffer::with_data(gpu, "geometry", &heap.words, usage);
         let clusters = Buffer::with_data(gpu, "clusters", &heap.clusters, usage);
         let instances = Buffer::with_data(gpu, "instances", &instances, usage);
@@ -187,19 +227,53 @@ impl SceneGpu {
         bindings.push((&sampler).into());
         let group = layout.group(gpu, &bindings);
         let buffers = [&geometry, &clusters, &instances, &item_buffer, &materials];
+        let motion = motion.finish(gpu, scene);
         let bytes = buffers.iter().map(|b| b.raw().size()).sum::<u64>()
-            + arrays.iter().map(Texture::bytes).sum::<u64>();
+            + arrays.iter().map(Texture::bytes).sum::<u64>()
+            + motion.bytes();
         Ok(Self {
             id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
             group,
+            buffers: SceneBuffers { geometry, clusters, instances },
+            motion,
             item_count: items.len() as u32,
             class_first,
             triangle_count: triangles as u32,
-            bounds_ws: scene.bounds().unwrap_or_default(),
+            bounds_ws: [scene.bounds_at(&pose), bounds_over_time(scene)]
+                .into_iter()
+                .flatten()
+                .reduce(motion::union)
+                .unwrap_or_default(),
             glows: scene.materials.iter().any(material::glows),
             facts: SceneFacts::of(scene, size_classes),
             bytes,
         })
+    }
+
+    /// Takes a pose, to be carried out with the next frame.
+    pub fn set_pose(&mut self, scene: &cs::Scene, pose: &cs::Pose) {
+        if self.motion.set(scene, pose)
+            && let Some(now) = self.motion.bounds_ws()
+        {
+            // A pose of somebody's own making may leave the bounds that the animations have.
+            self.bounds_ws = motion::union(self.bounds_ws, now);
+        }
+    }
+
+    /// The geometry heap's words, the clusters ([`super::clusters::ClusterData`]) and the instances ([`InstanceData`]), for
+    /// programs that look at what motion made of them.
+    pub fn buffers(&self) -> [&Buffer; 3] {
+        [&self.buffers.geometry, &self.buffers.clusters, &self.buffers.instances]
+    }
+
+    /// Whether anything drawn is see-through.
+    pub fn see_through(&self) -> bool {
+        self.class_first[SEE_THROUGH.start] < self.item_count
+    }
+
+    /// The classes that have something to draw.
+    pub fn classes(&self) -> Range<usize> {
+        if self.see_through() { 0..CLASSES } else { OPAQUE }
     }
 
     /// A number that no other scene has, so that caches know what they hold.
@@ -213,7 +287,7 @@ impl SceneGpu {
     }
 }
 
-fn check(gpu: &Gpu, items: &[ItemData], triangles: u64, words: usize) -> Result<(), GpuError> {
+fn check(gpu: &Gpu, items: &[ItemData], triangles: u64, heap: u64) -> Result<(), GpuError> {
     let binding = gpu.limits.max_storage_buffer_binding_size;
     let too_large = |what: &str, needed: u64, limit: u64, unit| {
         Err(GpuError::TooLarge {
@@ -232,7 +306,6 @@ fn check(gpu: &Gpu, items: &[ItemData], triangles: u64, words: usize) -> Result<
     if list > binding || triangles > 1 << 29 {
         return too_large("the scene's draw list", list, binding.min(12 << 29), "bytes");
     }
-    let heap = words as u64 * 4;
     if heap > binding {
         return too_large("the scene's geometry", heap, binding, "bytes");
     }
@@ -249,6 +322,12 @@ fn sampler(gpu: &Gpu) -> wgpu::Sampler {
         mipmap_filter: wgpu::MipmapFilterMode::Linear,
         ..Default::default()
     })
+}
+
+/// The instance of a mesh that bends, whose vertices are stored in world space; `matrix` tells whether it is mirrored.
+pub(crate) fn bending_instance_data(matrix: &Affine3A, node: u32) -> InstanceData {
+    let flags = u32::from(matrix.matrix3.determinant() < 0.0);
+    InstanceData { flags, ..instance_data(&Affine3A::IDENTITY, node) }
 }
 
 /// The instance of a node at its pose, at rest.

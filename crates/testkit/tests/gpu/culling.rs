@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use chiaro::View;
 use chiaro::scene::{self, Scene};
 use chiaro_gpu::{Buffer, Dispatch, Frame, Gpu, Recorder, TexturePool};
+use chiaro_techniques::shaders;
 use chiaro_techniques::shared::frame::FrameData;
 use chiaro_techniques::surface::culling::{CullView, Culling};
 use chiaro_techniques::surface::scene::CLASSES;
@@ -97,7 +98,7 @@ fn a_views_draw_list_is_that_of_the_cpu_in_the_scenes_order_every_time() {
     let work = (Dispatch::Threads([uploaded.item_count, 1, 1]), count);
     let spheres: Vec<Sphere> = bench.run(shader, &[], Some(&uploaded), &[], work);
 
-    let mut culling = Culling::new(&gpu, &bench.scene_layout).unwrap();
+    let mut culling = Culling::new(&gpu, &shaders::library(), &bench.scene_layout).unwrap();
     let views: Vec<_> = random_views(&scene, 6).iter().map(|view| cull_view(view, false)).collect();
     culling.reserve(&gpu, &uploaded, views.len());
     let mut before: Vec<Vec<u32>> = Vec::new();
@@ -178,7 +179,9 @@ fn culling_loses_no_visible_triangle() {
     let scene = scene::load("builtin:nave").unwrap();
     let bench = Bench::new(&gpu);
     let uploaded = SceneGpu::upload(&gpu, &bench.scene_layout, &scene).unwrap();
-    let surfaces = Surfaces::new(&gpu, &bench.frame_layout, &bench.scene_layout, uploaded.facts).unwrap();
+    let surfaces =
+        Surfaces::new(&gpu, &shaders::library(), &bench.frame_layout, &bench.scene_layout, uploaded.facts)
+            .unwrap();
     let mut surveyor = Surveyor { gpu: &gpu, bench, surfaces };
     for (index, view) in random_views(&scene, 5).iter().enumerate() {
         let all = surveyor.surface(&uploaded, view, &everything());

@@ -3,8 +3,10 @@
 
 mod brdf;
 mod culling;
+mod environment;
 mod goldens;
 mod lights;
+mod motion;
 mod pipelines;
 mod references;
 mod robust;

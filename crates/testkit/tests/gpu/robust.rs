@@ -26,7 +26,7 @@ fn mesh(normal: Vec3, tangent: Vec4, material: usize) -> Mesh {
         material,
         ..Primitive::default()
     };
-    Mesh { name: String::new(), primitives: vec![primitive] }
+    Mesh { primitives: vec![primitive], ..Mesh::default() }
 }
 
 fn strange() -> Stage {
