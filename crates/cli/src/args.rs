@@ -73,6 +73,9 @@ pub struct SceneArgs {
     /// A .glb, .gltf or .obj file, or builtin:NAME (see `chiaro scenes`)
     #[arg(value_name = "SCENE")]
     pub scene: Option<String>,
+    /// Which scene of a file that holds several, by its number from 0 or by its name [default: the file's own choice]
+    #[arg(long = "scene", value_name = "INDEX|NAME")]
+    pub scene_in_file: Option<String>,
     /// The image's width and height in pixels
     #[arg(long, value_name = "WxH", default_value_t)]
     pub size: Size,

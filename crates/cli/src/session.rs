@@ -1,7 +1,7 @@
 //! What `render` and `bench` share: a device, settings, a scene and a camera, from the same flags.
 
 use anyhow::{Context, bail};
-use chiaro::scene::{Pose, Scene};
+use chiaro::scene::{LoadOptions, Pose, Scene};
 use chiaro::{Gpu, GpuOptions, LoadedScene, Pipeline, Renderer, Settings, View, scene};
 
 use crate::args::{self, SceneArgs, SettingsArgs};
@@ -35,7 +35,8 @@ impl Session {
     pub fn open(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
         let settings = settings(settings_args)?;
         let name = scene_args.scene.clone().unwrap_or_else(|| format!("builtin:{}", scene::builtin::DEFAULT));
-        let mut scene = scene::load(&name)?;
+        let options = LoadOptions { scene: scene_args.scene_in_file.clone(), ..LoadOptions::default() };
+        let mut scene = scene::load_with(&name, &options)?;
         if let Some(path) = &scene_args.environment {
             scene.environment = Some(chiaro::environment::load(path, &mut scene.warnings)?);
         }
