@@ -33,10 +33,12 @@ const NEAR_M: f32 = 0.05;
 impl Session {
     /// Opens the device, reads the scene, compiles the passes. Remarks for the user go to standard error.
     pub fn open(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
-        refuse_environment(scene_args)?;
         let settings = settings(settings_args)?;
         let name = scene_name(scene_args);
         let mut scene = scene::load(&name)?;
+        if let Some(path) = &scene_args.environment {
+            scene.environment = Some(chiaro::environment::load(path, &mut scene.warnings)?);
+        }
         for warning in &scene.warnings {
             eprintln!("warning: {warning}");
         }
@@ -78,13 +80,6 @@ impl Session {
 /// The scene that is asked for, or the default.
 pub fn scene_name(args: &SceneArgs) -> String {
     args.scene.clone().unwrap_or_else(|| format!("builtin:{}", scene::builtin::DEFAULT))
-}
-
-/// Says that environment maps are not supported yet.
-pub fn refuse_environment(args: &SceneArgs) -> anyhow::Result<()> {
-    args.environment.as_ref().map_or(Ok(()), |path| {
-        bail!("--environment {}: environment maps are not supported yet; leave the flag out", path.display())
-    })
 }
 
 /// A camera of the user's own.

@@ -6,10 +6,9 @@ use anyhow::bail;
 use chiaro_viewer::{Options, StartCamera};
 
 use crate::args::ViewArgs;
-use crate::session::{own_view, refuse_environment, scene_name, settings};
+use crate::session::{own_view, scene_name, settings};
 
 pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
-    refuse_environment(&args.scene)?;
     let scene = scene_name(&args.scene);
     if !scene.starts_with("builtin:") && !Path::new(&scene).exists() {
         bail!("{scene}: there is no such file; `chiaro scenes` lists the built-in scenes");
@@ -20,5 +19,6 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
         (None, None) => StartCamera::First,
     };
     let size = [args.scene.size.width, args.scene.size.height];
-    Ok(chiaro_viewer::run(Options { scene, settings: settings(&args.settings)?, camera, size })?)
+    let environment = args.scene.environment.clone();
+    Ok(chiaro_viewer::run(Options { scene, environment, settings: settings(&args.settings)?, camera, size })?)
 }

@@ -33,6 +33,8 @@ pub struct TextureOptions {
     pub height: u32,
     /// Array layers; `None` makes a plain 2D texture, `Some(1)` an array of one.
     pub layers: Option<u32>,
+    /// Whether the layers are the six faces of a cube: +X, −X, +Y, −Y, +Z, −Z.
+    pub cube: bool,
     /// Mip levels.
     pub mips: u32,
     /// Samples per texel.
@@ -46,13 +48,19 @@ pub struct TextureOptions {
 impl TextureOptions {
     /// A plain texture of one mip and one sample.
     pub fn new(width: u32, height: u32, format: wgpu::TextureFormat, usage: wgpu::TextureUsages) -> Self {
-        Self { width, height, layers: None, mips: 1, samples: 1, format, usage }
+        Self { width, height, layers: None, cube: false, mips: 1, samples: 1, format, usage }
     }
 
     /// The same as an array of `layers`.
     #[must_use]
     pub fn array(self, layers: u32) -> Self {
         Self { layers: Some(layers), ..self }
+    }
+
+    /// A cube of square faces.
+    #[must_use]
+    pub fn cube(side: u32, mips: u32, format: wgpu::TextureFormat, usage: wgpu::TextureUsages) -> Self {
+        Self { layers: Some(6), cube: true, mips, ..Self::new(side, side, format, usage) }
     }
 }
 
@@ -66,6 +74,7 @@ struct TextureInner {
     texture: wgpu::Texture,
     view: wgpu::TextureView,
     layer_views: Vec<wgpu::TextureView>,
+    mip_views: Vec<wgpu::TextureView>,
     pool: Option<Arc<Mutex<PoolShelf>>>,
 }
 
@@ -86,11 +95,12 @@ impl Texture {
         texture: wgpu::Texture,
         pool: Option<Arc<Mutex<PoolShelf>>>,
     ) -> Self {
-        let dimension = if options.layers.is_some() {
+        let flat = if options.layers.is_some() {
             wgpu::TextureViewDimension::D2Array
         } else {
             wgpu::TextureViewDimension::D2
         };
+        let dimension = if options.cube { wgpu::TextureViewDimension::Cube } else { flat };
         let view = texture
             .create_view(&wgpu::TextureViewDescriptor { dimension: Some(dimension), ..Default::default() });
         let attachable = options.usage.contains(wgpu::TextureUsages::RENDER_ATTACHMENT);
@@ -106,6 +116,18 @@ impl Texture {
                 })
             })
             .collect();
+        let single_mips = options.usage.contains(wgpu::TextureUsages::STORAGE_BINDING)
+            && (options.mips > 1 || options.cube);
+        let mip_views = (0..if single_mips { options.mips } else { 0 })
+            .map(|mip| {
+                texture.create_view(&wgpu::TextureViewDescriptor {
+                    dimension: Some(flat),
+                    base_mip_level: mip,
+                    mip_level_count: Some(1),
+                    ..Default::default()
+                })
+            })
+            .collect();
         Self(Arc::new(TextureInner {
             id: next_id(),
             alive: Arc::default(),
@@ -115,6 +137,7 @@ impl Texture {
             texture,
             view,
             layer_views,
+            mip_views,
             pool,
         }))
     }
@@ -146,6 +169,13 @@ impl Texture {
     pub fn layer_view(&self, layer: u32) -> &wgpu::TextureView {
         &self.0.layer_views[layer as usize]
     }
+    /// One mip of all layers, as an array and not as a cube: what shaders write.
+    ///
+    /// # Panics
+    /// When the texture is no storage texture of several mips or of a cube, or has no such mip.
+    pub fn mip_view(&self, mip: u32) -> &wgpu::TextureView {
+        &self.0.mip_views[mip as usize]
+    }
     /// Bytes of all mips, layers and samples.
     pub fn bytes(&self) -> u64 {
         let o = &self.0.options;
@@ -157,6 +187,13 @@ impl Texture {
     }
     pub(crate) fn id(&self) -> u64 {
         self.0.id
+    }
+}
+
+/// Equal handles are handles of one texture.
+impl PartialEq for Texture {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.id == other.0.id
     }
 }
 
@@ -277,6 +314,8 @@ impl Buffer {
 pub enum Binding<'a> {
     /// All of a texture.
     Texture(&'a Texture),
+    /// One mip of a texture, all layers; see [`Texture::mip_view`].
+    Mip(&'a Texture, u32),
     /// All of a buffer.
     Buffer(&'a Buffer),
     /// A part of a buffer: offset and size in bytes.
@@ -305,6 +344,7 @@ impl<'a> Binding<'a> {
     pub(crate) fn resource(self) -> wgpu::BindingResource<'a> {
         match self {
             Self::Texture(texture) => wgpu::BindingResource::TextureView(texture.view()),
+            Self::Mip(texture, mip) => wgpu::BindingResource::TextureView(texture.mip_view(mip)),
             Self::Buffer(buffer) => buffer.raw().as_entire_binding(),
             Self::BufferRange(buffer, offset, size) => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
                 buffer: buffer.raw(),
@@ -319,6 +359,8 @@ impl<'a> Binding<'a> {
     pub(crate) fn key(self) -> (u64, u64) {
         match self {
             Self::Texture(texture) => (texture.id(), 0),
+            // A whole texture is another view than its first mip.
+            Self::Mip(texture, mip) => (texture.id(), 1 + u64::from(mip)),
             Self::Buffer(buffer) => (buffer.id(), 0),
             Self::BufferRange(buffer, offset, _) => (buffer.id(), offset),
             Self::Sampler(_) => (0, 0),
@@ -328,7 +370,7 @@ impl<'a> Binding<'a> {
     /// Dies with the last handle; samplers live as long as their passes.
     pub(crate) fn alive(self) -> Option<Weak<()>> {
         match self {
-            Self::Texture(texture) => Some(Arc::downgrade(&texture.0.alive)),
+            Self::Texture(texture) | Self::Mip(texture, _) => Some(Arc::downgrade(&texture.0.alive)),
             Self::Buffer(buffer) | Self::BufferRange(buffer, ..) => Some(Arc::downgrade(&buffer.0.alive)),
             Self::Sampler(_) => None,
         }
@@ -336,7 +378,9 @@ impl<'a> Binding<'a> {
 
     pub(crate) fn logged(self) -> Option<(u64, &'static str, Life)> {
         match self {
-            Self::Texture(texture) => Some((texture.id(), texture.name(), texture.life())),
+            Self::Texture(texture) | Self::Mip(texture, _) => {
+                Some((texture.id(), texture.name(), texture.life()))
+            }
             Self::Buffer(buffer) | Self::BufferRange(buffer, ..) => {
                 Some((buffer.id(), buffer.name(), buffer.life()))
             }

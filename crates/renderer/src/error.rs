@@ -1,6 +1,7 @@
 //! What a user of the library can act on.
 
 use chiaro_gpu::GpuError;
+use chiaro_image::ImageError;
 use chiaro_scene::SceneError;
 
 /// Why something could not be rendered.
@@ -12,6 +13,17 @@ pub enum Error {
     /// The scene could not be read.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// A picture could not be read.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// A picture is no environment map.
+    #[error("environment map {file}: {problem}")]
+    Environment {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        problem: String,
+    },
     /// No setting has that key.
     #[error("no setting is called `{key}`; the nearest are {nearest}. `chiaro settings` lists all")]
     UnknownSetting {

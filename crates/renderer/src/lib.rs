@@ -19,6 +19,7 @@
 //! [`Gpu::required_features`] and [`Gpu::required_limits`]), builds a [`View`] from its camera, and records
 //! [`Renderer::frame`] into its own encoder through [`Recorder::begin_in`].
 
+pub mod environment;
 mod error;
 mod loaded;
 mod pipelines;

@@ -2,6 +2,7 @@
 
 use chiaro_scene::{Pose, Scene};
 use chiaro_techniques::direct::{illuminance_scale, light_data};
+use chiaro_techniques::environment::EnvironmentMap;
 use chiaro_techniques::indirect::Openness;
 use chiaro_techniques::shared::frame::LightData;
 use chiaro_techniques::surface::SceneGpu;
@@ -19,21 +20,32 @@ pub struct LoadedScene {
     pub radiance_scale: f32,
     /// How much of the sky a place sees.
     pub openness: Openness,
+    /// What surrounds the scene.
+    pub environment: Option<EnvironmentMap>,
 }
 
-/// Stored radiance of a white surface under the brightest light. Half floats reach 65,504 above and 2⁻²⁴ below: eight
+/// Stored radiance of a white surface under the brightest light, in general. Half floats reach 65,504 above and 2⁻²⁴ below: eight
 /// octaves for highlights and glowing things, over thirty for the dark.
 const WHITE_STORED: f32 = 256.0;
+/// The same where an environment has a sun that would not fit otherwise.
+const LEAST_WHITE_STORED: f32 = 1.0;
+/// What the environment's brightest texel may be stored as.
+const PEAK_STORED: f32 = 32_768.0;
 
 impl LoadedScene {
-    pub(crate) fn new(gpu: SceneGpu, scene: &Scene) -> Self {
+    pub(crate) fn new(gpu: SceneGpu, scene: &Scene, environment: Option<EnvironmentMap>) -> Self {
         let (lights, directional) = light_data(scene, &scene.pose(0.0));
         let radiance = illuminance_scale(&lights, gpu.bounds_ws) / std::f32::consts::PI;
         let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
+        let around = environment.as_ref().map_or(0.0, |map| map.harmonics.mean.max_element());
+        let brightest = radiance.max(glow).max(around);
         // Without any light 1 nit is as good as anything.
-        let brightest = if radiance.max(glow) > 0.0 { radiance.max(glow) } else { WHITE_STORED };
-        let octave = (WHITE_STORED / brightest).log2().round().clamp(-60.0, 60.0);
-        Self { gpu, lights, directional, radiance_scale: octave.exp2(), openness: Openness::new(scene) }
+        let brightest = if brightest > 0.0 { brightest } else { WHITE_STORED };
+        let peak = environment.as_ref().map_or(0.0, |map| map.peak);
+        let white = (PEAK_STORED * brightest / peak.max(1e-30)).clamp(LEAST_WHITE_STORED, WHITE_STORED);
+        let octave = (white / brightest).log2().round().clamp(-60.0, 60.0);
+        let openness = Openness::new(scene);
+        Self { gpu, lights, directional, radiance_scale: octave.exp2(), openness, environment }
     }
 
     /// Moves everything to a pose of the scene that this was loaded from, usually [`Scene::pose`] at a time. The next

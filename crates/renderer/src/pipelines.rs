@@ -26,8 +26,8 @@ pub(crate) struct FrameInputs<'a> {
     pub scene: &'a LoadedScene,
     pub camera: CullView,
     pub shadow_views: &'a [ShadowView],
-    /// Stored units.
-    pub sky: wgpu::Color,
+    /// Stored units; `None` = the environment.
+    pub sky: Option<wgpu::Color>,
     pub wants_surface: bool,
 }
 
@@ -52,6 +52,10 @@ fn deferred(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>
     let surface = passes.surfaces.record(frame, group, scene, &lists);
     let light_grid = passes.direct.record_grid(frame, group);
     let radiance = passes.direct.record_deferred(frame, group, &surface, &shadows, &light_grid);
+    if let Some(transparency) = passes.transparency.as_ref().filter(|_| scene.see_through()) {
+        let light = (&shadows, &light_grid);
+        transparency.record(frame, (group, scene), &lists, light, &surface.depth, &radiance);
+    }
     FrameOutputs { radiance, shadows, light_grid, surface: Some(surface) }
 }
 
@@ -65,5 +69,13 @@ fn forward(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>)
     let light_grid = passes.direct.record_grid(frame, group);
     let radiance =
         passes.direct.record_forward(frame, (group, scene), &lists, &shadows, &light_grid, inputs.sky);
+    if let Some(transparency) = passes.transparency.as_ref().filter(|_| scene.see_through()) {
+        let depth = match &surface {
+            Some(surface) => surface.depth.clone(),
+            None => passes.surfaces.record_visibility(frame, group, scene, &lists),
+        };
+        let light = (&shadows, &light_grid);
+        transparency.record(frame, (group, scene), &lists, light, &depth, &radiance);
+    }
     FrameOutputs { radiance, shadows, light_grid, surface }
 }

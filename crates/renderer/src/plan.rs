@@ -2,15 +2,18 @@
 
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::{Gpu, GroupLayout, Recorder};
+use chiaro_scene::{Environment, Scene};
 use chiaro_techniques::direct::{DirectLight, Permutations};
+use chiaro_techniques::environment::EnvironmentMap;
 use chiaro_techniques::motion::Motion;
 use chiaro_techniques::shadow::ShadowMaps;
 use chiaro_techniques::shared::albedo_table;
 use chiaro_techniques::shared::frame::FrameGroup;
 use chiaro_techniques::surface::{SceneFacts, SceneGpu, Surfaces};
+use chiaro_techniques::transparency::Transparency;
 
 use crate::renderer::Passes;
-use crate::{Error, LoadedScene, Settings, scene::Scene};
+use crate::{Error, LoadedScene, Settings};
 
 /// What every pass is compiled with, and scenes are uploaded with. Cheap to clone, and sent to other threads.
 #[derive(Clone, Debug)]
@@ -36,7 +39,17 @@ impl Kit {
     /// # Errors
     /// When it does not fit the adapter.
     pub fn upload(&self, scene: &Scene) -> Result<LoadedScene, Error> {
-        Ok(LoadedScene::new(SceneGpu::upload(&self.gpu, &self.scene_layout, scene)?, scene))
+        let gpu = SceneGpu::upload(&self.gpu, &self.scene_layout, scene)?;
+        let environment = scene.environment.as_ref().map(|map| self.environment(map)).transpose()?;
+        Ok(LoadedScene::new(gpu, scene, environment))
+    }
+
+    fn environment(&self, map: &Environment) -> Result<EnvironmentMap, Error> {
+        let mut recorder = Recorder::new(&self.gpu, false);
+        let mut frame = recorder.begin();
+        let environment = EnvironmentMap::new(&mut frame, &self.library, map)?;
+        frame.submit();
+        Ok(environment)
     }
 
     pub(crate) fn passes(&self, settings: &Settings, facts: SceneFacts) -> Result<Passes, Error> {
@@ -46,6 +59,7 @@ impl Kit {
             surfaces: self.surfaces(facts)?,
             shadows: self.shadows(settings, facts)?,
             direct: self.direct(settings, facts)?,
+            transparency: facts.see_through.then(|| self.transparency(settings, facts)).transpose()?,
         })
     }
 
@@ -75,6 +89,11 @@ impl Kit {
         let (frame, scene) = (&self.frame_layout, &self.scene_layout);
         Ok(DirectLight::new(&self.gpu, &self.library, frame, scene, permutations(settings, facts))?)
     }
+
+    fn transparency(&self, settings: &Settings, facts: SceneFacts) -> Result<Transparency, Error> {
+        let (frame, scene) = (&self.frame_layout, &self.scene_layout);
+        Ok(Transparency::new(&self.gpu, &self.library, frame, scene, permutations(settings, facts))?)
+    }
 }
 
 /// What must be compiled before settings, a scene or other shaders can be rendered with.
@@ -95,21 +114,39 @@ pub(crate) struct Missing {
     pub surfaces: bool,
     pub shadows: bool,
     pub direct: bool,
+    pub transparency: bool,
 }
 
 impl Missing {
-    pub(crate) const ALL: Self =
-        Self { frame_group: true, motion: true, surfaces: true, shadows: true, direct: true };
-    const NONE: Self =
-        Self { frame_group: false, motion: false, surfaces: false, shadows: false, direct: false };
+    const NONE: Self = Self {
+        frame_group: false,
+        motion: false,
+        surfaces: false,
+        shadows: false,
+        direct: false,
+        transparency: false,
+    };
+
+    pub(crate) fn all(facts: SceneFacts) -> Self {
+        Self {
+            frame_group: true,
+            motion: true,
+            surfaces: true,
+            shadows: true,
+            direct: true,
+            transparency: facts.see_through,
+        }
+    }
 
     pub(crate) fn from(passes: &Passes, settings: &Settings, facts: SceneFacts) -> Self {
+        let permutations = permutations(settings, facts);
+        let transparency = passes.transparency.as_ref().map(Transparency::permutations);
         Self {
-            frame_group: false,
-            motion: false,
             surfaces: passes.surfaces.facts() != facts,
             shadows: !passes.shadows.serves(&settings.shadow, facts),
-            direct: passes.direct.permutations() != permutations(settings, facts),
+            direct: passes.direct.permutations() != permutations,
+            transparency: facts.see_through && transparency != Some(permutations),
+            ..Self::NONE
         }
     }
 }
@@ -130,6 +167,7 @@ pub struct Built {
     pub(crate) surfaces: Option<Surfaces>,
     pub(crate) shadows: Option<ShadowMaps>,
     pub(crate) direct: Option<DirectLight>,
+    pub(crate) transparency: Option<Transparency>,
 }
 
 impl Plan {
@@ -171,6 +209,7 @@ impl Plan {
             surfaces: missing.surfaces.then(|| kit.surfaces(facts)).transpose()?,
             shadows: missing.shadows.then(|| kit.shadows(&settings, facts)).transpose()?,
             direct: missing.direct.then(|| kit.direct(&settings, facts)).transpose()?,
+            transparency: missing.transparency.then(|| kit.transparency(&settings, facts)).transpose()?,
             kit,
             settings,
             generation,

@@ -11,6 +11,7 @@ use chiaro_techniques::shadow::{CameraView, ShadowMaps, ShadowView, fit};
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
 use chiaro_techniques::surface::culling::CullView;
 use chiaro_techniques::surface::{SceneFacts, Surfaces};
+use chiaro_techniques::transparency::Transparency;
 use glam::{Mat4, Vec2, Vec3};
 
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
@@ -25,6 +26,8 @@ pub(crate) struct Passes {
     pub surfaces: Surfaces,
     pub shadows: ShadowMaps,
     pub direct: DirectLight,
+    /// Once a scene had something see-through.
+    pub transparency: Option<Transparency>,
 }
 
 /// Renders scenes with the techniques that [`Settings`] choose.
@@ -53,7 +56,7 @@ struct Prepared {
     camera: CullView,
     shadow_views: Vec<ShadowView>,
     lights: Vec<chiaro_techniques::shared::frame::LightData>,
-    sky: wgpu::Color,
+    sky: Option<wgpu::Color>,
 }
 
 impl Renderer {
@@ -103,7 +106,8 @@ impl Renderer {
     /// A plan to compile everything anew from other shaders.
     pub fn plan_shaders(&self, library: Library) -> Plan {
         let kit = Kit { library, ..self.kit.clone() };
-        Plan::new(kit, self.settings.clone(), self.passes.surfaces.facts(), self.generation, Missing::ALL)
+        let facts = self.passes.surfaces.facts();
+        Plan::new(kit, self.settings.clone(), facts, self.generation, Missing::all(facts))
     }
 
     /// Takes over what was compiled, and the settings it was compiled for. `false`, and nothing changes, when something else
@@ -134,6 +138,9 @@ impl Renderer {
         }
         if let Some(direct) = built.direct {
             self.passes.direct = direct;
+        }
+        if built.transparency.is_some() {
+            self.passes.transparency = built.transparency;
         }
         true
     }
@@ -210,7 +217,13 @@ impl Renderer {
         self.notes = notes;
         let grid = grid_size(size_px, lights.len() - scene.directional);
         let sky_view = sky_view(&mut self.sky_view, scene, view.eye_ws());
-        let Ambient { radiance: around, sky } = ambient(&settings.indirect, &lights, bounds, sky_view);
+        let map = scene.environment.as_ref();
+        let factor = settings.environment.intensity;
+        let turn = settings.environment.rotation.to_radians();
+        let mean = map.map(|map| map.harmonics.mean * factor);
+        let Ambient { radiance: around, sky, environment: share } =
+            ambient(&settings.indirect, &lights, bounds, sky_view, mean);
+        let diffuse = map.map_or([Mat4::ZERO; 3], |map| map.harmonics.turned(turn, factor * share));
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
@@ -227,22 +240,31 @@ impl Renderer {
             lighting_model: settings.surface.lighting as u32,
             seed: settings.seed,
             ambient: around.map(|channel| channel.to_array()),
+            environment: diffuse.map(|channel| channel.to_cols_array_2d()),
             sky: sky.to_array(),
             radiance_scale: scene.radiance_scale,
             normal_maps: u32::from(settings.surface.normal_maps),
             anisotropy: settings.surface.anisotropy,
+            environment_nits: map.map_or(0.0, |map| map.nits * factor),
+            environment_share: share,
+            environment_turn: [turn.cos(), turn.sin()],
             _pad: [0; 2],
         };
         self.previous_clip_from_ws = Some(steady);
         let eye =
             if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };
         let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
-        let sky = wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 };
+        let sky = map.is_none().then_some(wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 });
         let forward = settings.pipeline == Pipeline::Forward;
-        self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), shadow_views.len());
+        let environment = map.map(|map| &map.texture);
+        let views = shadow_views.len();
+        self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), views, environment);
         self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
         self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, settings.shadow.cache);
         self.passes.direct.reserve(&self.kit.gpu, &self.pool, size_px, grid, forward);
+        if let Some(transparency) = &mut self.passes.transparency {
+            transparency.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px, settings.surface.layers);
+        }
         let camera = CullView::new(&clip_from_ws, eye, true, false);
         self.prepared = Some(Prepared { data, camera, shadow_views, lights, sky });
     }

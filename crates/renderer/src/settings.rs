@@ -1,6 +1,7 @@
 //! All settings of all techniques, by key.
 
 use chiaro_techniques::caustics::CausticsSettings;
+use chiaro_techniques::environment::EnvironmentSettings;
 use chiaro_techniques::indirect::IndirectSettings;
 use chiaro_techniques::post::CameraSettings;
 use chiaro_techniques::settings::{Field, SettingsGroup};
@@ -32,6 +33,8 @@ pub struct Settings {
     pub surface: SurfaceSettings,
     /// `shadow.*`
     pub shadow: ShadowSettings,
+    /// `environment.*`
+    pub environment: EnvironmentSettings,
     /// `indirect.*`
     pub indirect: IndirectSettings,
     /// `caustics.*`
@@ -73,6 +76,10 @@ macro_rules! each_group {
             $body
         }
         {
+            let $group = &mut $settings.environment;
+            $body
+        }
+        {
             let $group = &mut $settings.indirect;
             $body
         }
@@ -99,6 +106,7 @@ impl Settings {
             CameraSettings::fields(),
             SurfaceSettings::fields(),
             ShadowSettings::fields(),
+            EnvironmentSettings::fields(),
             IndirectSettings::fields(),
             CausticsSettings::fields(),
         ];
@@ -110,6 +118,7 @@ impl Settings {
         get_in(&self.camera, key)
             .or_else(|| get_in(&self.surface, key))
             .or_else(|| get_in(&self.shadow, key))
+            .or_else(|| get_in(&self.environment, key))
             .or_else(|| get_in(&self.indirect, key))
             .or_else(|| get_in(&self.caustics, key))
     }

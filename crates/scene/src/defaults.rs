@@ -19,13 +19,13 @@ const TOWARDS_CAMERA: Vec3 = Vec3::new(0.6, 0.4, 1.0);
 
 impl Scene {
     /// Gives a scene what it lacks to be seen: a camera from outside that frames all geometry, and a sun. A scene
-    /// that has a camera placed keeps its own, and so with lights; emissive surfaces do not count as lights, as they
-    /// do not light others. The outcome depends on the scene alone.
+    /// that has a camera placed keeps its own, and so with lights; an environment is light enough, emissive surfaces
+    /// are not, as they do not light others. The outcome depends on the scene alone.
     pub fn add_default_view(&mut self) {
         if !self.nodes.iter().any(|node| node.camera.is_some()) {
             self.add_default_camera();
         }
-        if !self.nodes.iter().any(|node| node.light.is_some()) {
+        if self.environment.is_none() && !self.nodes.iter().any(|node| node.light.is_some()) {
             self.add_default_sun();
         }
     }

@@ -33,6 +33,16 @@ pub enum SceneError {
         /// A way on, such as how to convert the file.
         advice: String,
     },
+    /// The file has no scene of this name or number.
+    #[error("{}: there is no scene `{name}`; there are: {known}", path.display())]
+    UnknownScene {
+        /// The scene file.
+        path: PathBuf,
+        /// The name or number asked for.
+        name: String,
+        /// The numbers and names there are, comma-separated.
+        known: String,
+    },
     /// No built-in scene has this name.
     #[error("no built-in scene is called `{name}`; there are: {known}")]
     UnknownBuiltin {

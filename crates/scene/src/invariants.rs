@@ -1,9 +1,12 @@
-//! What [`crate::model`] promises, as a check for tests.
+//! What [`crate::model`] promises, as a check for tests and fuzzing.
 
 use crate::{Interpolation, Keys, Scene};
 
 /// Panics with the place where `scene` breaks an invariant of the data model.
-pub(crate) fn assert_sound(scene: &Scene) {
+///
+/// # Panics
+/// That is what it is for.
+pub fn assert_sound(scene: &Scene) {
     let name = &scene.name;
     for (i, node) in scene.nodes.iter().enumerate() {
         assert!(node.parent.is_none_or(|parent| parent < i), "{name}: nodes[{i}].parent");

@@ -12,13 +12,13 @@ mod defaults;
 mod deform;
 mod error;
 mod import;
-#[cfg(test)]
-mod invariants;
+#[doc(hidden)]
+pub mod invariants;
 mod mesh;
 pub mod model;
 mod pose;
 
 pub use error::SceneError;
-pub use import::load;
+pub use import::{Disk, Files, Limits, LoadOptions, Memory, load, load_from, load_with};
 pub use model::*;
 pub use pose::Pose;

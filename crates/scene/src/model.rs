@@ -37,6 +37,9 @@ pub struct Scene {
     pub animations: Vec<Animation>,
     /// What surrounds everything.
     pub environment: Option<Environment>,
+    /// Names of all scenes in the file, of which this is one; an unnamed one's is empty. Empty where a file holds one
+    /// scene by its nature.
+    pub scene_names: Vec<String>,
     /// What was read but simplified or left out, in words for the user.
     pub warnings: Vec<String>,
 }
@@ -309,10 +312,14 @@ pub struct Material {
     pub double_sided: bool,
     /// Share of light that passes through the surface (KHR_materials_transmission).
     pub transmission: f32,
+    /// R = [`Self::transmission`]'s factor, linear.
+    pub transmission_texture: Option<TextureRef>,
     /// Index of refraction (KHR_materials_ior).
     pub ior: f32,
     /// Thickness in metres of a thin object (KHR_materials_volume); 0 = an infinitely thin sheet.
     pub thickness: f32,
+    /// G = [`Self::thickness`]'s factor, linear.
+    pub thickness_texture: Option<TextureRef>,
     /// Linear RGB that is left of white light after [`Self::attenuation_distance`].
     pub attenuation_color: Vec3,
     /// Metres; infinite = clear.
@@ -344,8 +351,10 @@ impl Default for Material {
             alpha: AlphaMode::Opaque,
             double_sided: false,
             transmission: 0.0,
+            transmission_texture: None,
             ior: 1.5,
             thickness: 0.0,
+            thickness_texture: None,
             attenuation_color: Vec3::ONE,
             attenuation_distance: f32::INFINITY,
             dispersion: 0.0,
@@ -364,6 +373,8 @@ impl Material {
             &self.normal_texture,
             &self.occlusion_texture,
             &self.emissive_texture,
+            &self.transmission_texture,
+            &self.thickness_texture,
         ]
         .into_iter()
         .flatten()

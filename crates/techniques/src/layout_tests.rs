@@ -4,6 +4,7 @@ use std::mem::offset_of;
 
 use chiaro_gpu::shader::{Linked, check_layout};
 
+use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
 use crate::shaders;
 use crate::shared::frame::{FrameData, LightData, ShadowViewData};
@@ -46,10 +47,14 @@ fn rust_structs_equal_their_wesl_twins() {
         lighting_model,
         seed,
         ambient,
+        environment,
         sky,
         radiance_scale,
         normal_maps,
         anisotropy,
+        environment_nits,
+        environment_share,
+        environment_turn,
     );
     same!(
         shade,
@@ -124,8 +129,14 @@ fn rust_structs_equal_their_wesl_twins() {
         normal_scale,
         specular_color,
         occlusion_strength,
+        absorption,
+        transmission,
+        ior,
+        thickness,
+        dispersion,
         alpha_cutoff,
-        reserved,
+        f0_factor,
+        flags,
         base_color_texture,
         metallic_roughness_texture,
         normal_texture,
@@ -133,7 +144,10 @@ fn rust_structs_equal_their_wesl_twins() {
         emissive_texture,
         specular_texture,
         specular_color_texture,
+        transmission_texture,
+        thickness_texture,
     );
+    same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
     same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags);
     let instances = &linked("motion/instances.cs.wesl");
     same!(instances, InstanceMove, "InstanceMove", world_from_object, max_scale, flags, instance, reserved);

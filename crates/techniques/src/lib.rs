@@ -9,6 +9,7 @@
 
 pub mod caustics;
 pub mod direct;
+pub mod environment;
 pub mod indirect;
 pub mod motion;
 pub mod post;
@@ -17,6 +18,7 @@ pub mod shaders;
 pub mod shadow;
 pub mod shared;
 pub mod surface;
+pub mod transparency;
 
 #[cfg(test)]
 mod layout_tests;

@@ -14,6 +14,12 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("direct/grid.cs.wesl"),
     shader!("direct/lighting.wesl"),
     shader!("direct/shade.cs.wesl"),
+    shader!("environment/background.vs.wesl"),
+    shader!("environment/cube.wesl"),
+    shader!("environment/halve.cs.wesl"),
+    shader!("environment/lookup.wesl"),
+    shader!("environment/prefilter.cs.wesl"),
+    shader!("environment/project.cs.wesl"),
     shader!("motion/deform.cs.wesl"),
     shader!("motion/instances.cs.wesl"),
     shader!("post/accumulate.cs.wesl"),
@@ -41,6 +47,9 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("surface/surface.wesl"),
     shader!("surface/texture.wesl"),
     shader!("surface/visibility.vs.wesl"),
+    shader!("transparency/behind.cs.wesl"),
+    shader!("transparency/shade.cs.wesl"),
+    shader!("transparency/through.wesl"),
 ];
 
 /// The modules as a library to link from.
@@ -53,6 +62,10 @@ pub fn library() -> Library {
 pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
         "direct/grid.cs.wesl",
+        "environment/background.vs.wesl",
+        "environment/halve.cs.wesl",
+        "environment/prefilter.cs.wesl",
+        "environment/project.cs.wesl",
         "motion/deform.cs.wesl",
         "motion/instances.cs.wesl",
         "post/accumulate.cs.wesl",
@@ -67,11 +80,14 @@ pub fn permutations() -> Vec<Permutation> {
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
     for a in [false, true] {
-        all.push(resolve(a));
+        all.push(resolve(a, false));
+        all.push(resolve(a, true));
+        all.push(behind(a));
+        all.push(shade_layer(a));
         all.push(shade(a));
         all.push(shadow_depth(a));
         for b in [false, true] {
-            all.push(visibility(a, b));
+            all.extend([Layer::None, Layer::First, Layer::Next].map(|layer| visibility(a, b, layer)));
             all.push(forward(a, b));
         }
     }
@@ -83,9 +99,19 @@ pub fn plain(entry: &'static str) -> Permutation {
     Permutation::plain(entry)
 }
 
-/// Surface buffer from visibility; with `emissive`, radiance of glowing surfaces too.
-pub fn resolve(emissive: bool) -> Permutation {
-    Permutation::plain("surface/resolve.cs.wesl").flag("emissive", emissive)
+/// Surface buffer from visibility; with `emissive`, radiance of glowing surfaces too, with `through`, what passes.
+pub fn resolve(emissive: bool, through: bool) -> Permutation {
+    Permutation::plain("surface/resolve.cs.wesl").flag("emissive", emissive).flag("through", through)
+}
+
+/// The picture so far and its mips; `whole` copies it too.
+pub fn behind(whole: bool) -> Permutation {
+    Permutation::plain("transparency/behind.cs.wesl").flag("whole", whole)
+}
+
+/// A layer of see-through surfaces over what is behind it.
+pub fn shade_layer(emissive: bool) -> Permutation {
+    Permutation::plain("transparency/shade.cs.wesl").flag("emissive", emissive)
 }
 
 /// Deferred shading.
@@ -98,9 +124,24 @@ pub fn shadow_depth(masked: bool) -> Permutation {
     Permutation::plain("shadow/depth.vs.wesl").flag("masked", masked)
 }
 
+/// What a visibility buffer shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layer {
+    /// Opaque surfaces.
+    None,
+    /// The nearest see-through surfaces.
+    First,
+    /// The see-through surfaces behind a layer.
+    Next,
+}
+
 /// The visibility buffer.
-pub fn visibility(indexed: bool, masked: bool) -> Permutation {
-    Permutation::plain("surface/visibility.vs.wesl").flag("indexed", indexed).flag("masked", masked)
+pub fn visibility(indexed: bool, masked: bool, layer: Layer) -> Permutation {
+    Permutation::plain("surface/visibility.vs.wesl")
+        .flag("indexed", indexed)
+        .flag("masked", masked)
+        .flag("layer", layer != Layer::None)
+        .flag("first", layer == Layer::First)
 }
 
 /// Forward shading.

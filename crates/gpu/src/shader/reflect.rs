@@ -46,7 +46,9 @@ impl Linked {
         if stages.windows(2).any(|pair| pair[0] == pair[1]) {
             return Err(fail("two entry points of one stage: an entry file must not be imported".into()));
         }
-        let capabilities = Capabilities::default() | Capabilities::PRIMITIVE_INDEX;
+        // Packing half floats is WebGPU's core; some OpenGL versions lack it.
+        let capabilities =
+            Capabilities::default() | Capabilities::PRIMITIVE_INDEX | Capabilities::SHADER_FLOAT16_IN_FLOAT32;
         let info = Validator::new(ValidationFlags::all(), capabilities)
             .validate(&module)
             .map_err(|e| fail(e.emit_to_string(&wgsl)))?;

@@ -157,6 +157,54 @@ pub fn lathe(profile: &[Vec2], sides: usize, material: Id) -> Solid {
     loft(&profile.iter().map(ring).collect::<Vec<_>>(), CREASE_DEG, material)
 }
 
+/// A surface of revolution about the vertical whose closed profile, (radius, height), does not touch the axis.
+pub fn lathe_ring(profile: &[Vec2], sides: usize, material: Id) -> Solid {
+    let ring = |p: &Vec2| circle(sides, p.x).into_iter().map(|c| vec3(c.x, p.y, c.y)).collect::<Vec<_>>();
+    let rings: Vec<_> = profile.iter().map(ring).collect();
+    skin(&rings, Joins { ring: true, path: true }, |_| material).smooth(CREASE_DEG).outward()
+}
+
+/// A ball about the origin: an icosahedron cut `levels` times, 20 · 4^levels triangles with the sphere's own normals.
+/// Texture coordinates are planar.
+pub fn ball(radius_m: f32, levels: u32, material: Id) -> Solid {
+    let golden = f32::midpoint(1.0, 5f32.sqrt());
+    let rectangle = |x: Vec3, y: Vec3| [x + y * golden, x - y * golden, -x + y * golden, -x - y * golden];
+    let points: Vec<Vec3> =
+        [rectangle(Vec3::X, Vec3::Y), rectangle(Vec3::Y, Vec3::Z), rectangle(Vec3::Z, Vec3::X)]
+            .concat()
+            .iter()
+            .map(|p| p.normalize())
+            .collect();
+    // A face of the icosahedron is three corners that are all neighbours.
+    let near = |i: usize, j: usize| points[i].dot(points[j]) > 0.4;
+    let mut faces = Vec::new();
+    for i in 0..12 {
+        for j in i + 1..12 {
+            for k in j + 1..12 {
+                if near(i, j) && near(j, k) && near(k, i) {
+                    let [a, b, c] = [i, j, k].map(|corner| points[corner]);
+                    faces.push(if a.dot(b.cross(c)) > 0.0 { [a, b, c] } else { [a, c, b] });
+                }
+            }
+        }
+    }
+    for _ in 0..levels {
+        let cut = |[a, b, c]: &[Vec3; 3]| {
+            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| (*p + *q).normalize());
+            [[*a, ab, ca], [ab, *b, bc], [ca, bc, *c], [ab, bc, ca]]
+        };
+        faces = faces.iter().flat_map(cut).collect();
+    }
+    let mut out = Solid::default();
+    for face in faces {
+        out.triangle(face.map(|p| p * radius_m), [Vec2::ZERO; 3], material);
+        if let Some(last) = out.triangles.last_mut() {
+            last.n = face;
+        }
+    }
+    out.planar_uv()
+}
+
 /// Points on a circle about the origin, the first at angle 0.
 pub fn circle(sides: usize, radius: f32) -> Vec<Vec2> {
     (0..sides).map(|i| Vec2::from_angle(TAU * i as f32 / sides as f32) * radius).collect()

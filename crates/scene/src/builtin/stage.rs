@@ -4,8 +4,8 @@ use glam::{Affine2, Mat3, Quat, Vec2, Vec3};
 
 use super::{solid::Solid, texture::Surface};
 use crate::{
-    Camera, Id, ImageData, Light, LightKind, Material, Mesh, Node, Projection, Scene, Texture, TextureRef,
-    Transform, Wrap,
+    Camera, Id, ImageData, Light, LightKind, Material, Mesh, Node, Primitive, Projection, Scene, Texture,
+    TextureRef, Transform, Wrap,
 };
 
 /// A scene under construction.
@@ -67,6 +67,22 @@ impl Stage {
         });
     }
 
+    /// Adds a mesh that is finished.
+    pub fn add(&mut self, name: &str, primitives: Vec<Primitive>) -> Id {
+        self.scene.meshes.push(Mesh { name: name.to_owned(), primitives, ..Mesh::default() });
+        self.scene.meshes.len() - 1
+    }
+
+    /// Puts a mesh somewhere, turned about the vertical and scaled. Returns the node.
+    pub fn place_turned(&mut self, mesh: Id, translation: Vec3, turn_deg: f32, scale: f32) -> Id {
+        self.place(mesh, translation, false);
+        let node = self.scene.nodes.len() - 1;
+        let rotation = Quat::from_rotation_y(turn_deg.to_radians());
+        self.scene.nodes[node].parent_from_node =
+            Transform::Trs { translation, rotation, scale: Vec3::splat(scale) };
+        node
+    }
+
     /// Adds a body that stands once, given in world coordinates.
     pub fn body(&mut self, name: &str, solid: Solid) {
         let mesh = self.mesh(name, solid);
@@ -79,6 +95,11 @@ impl Stage {
         self.scene.cameras.push(Camera { name: name.to_owned(), projection, near_m: 0.05, far_m: None });
         let camera = Some(self.scene.cameras.len() - 1);
         self.scene.nodes.push(Node { camera, ..aimed(name, eye, target) });
+    }
+
+    /// Adds a sun of `lux` on a surface that faces it, in the direction `towards`.
+    pub fn sun(&mut self, towards: Vec3, color: Vec3, lux: f32) {
+        self.light("sun", LightKind::Directional, color, lux, towards.normalize() * 50.0, Vec3::ZERO);
     }
 
     /// Adds a light at `from` that shines at `target`.
@@ -94,6 +115,28 @@ impl Stage {
         self.scene.lights.push(Light { name: name.to_owned(), kind, color, intensity, range_m: None });
         let light = Some(self.scene.lights.len() - 1);
         self.scene.nodes.push(Node { light, ..aimed(name, from, target) });
+    }
+}
+
+/// A dielectric of one colour.
+pub fn plain(name: &str, color: Vec3, roughness: f32) -> Material {
+    Material { name: name.to_owned(), base_color: color.extend(1.0), roughness, ..Material::default() }
+}
+
+/// A bare metal; `color` is its reflectance at normal incidence.
+pub fn metal(name: &str, color: Vec3, roughness: f32) -> Material {
+    Material { metallic: 1.0, ..plain(name, color, roughness) }
+}
+
+/// Clear glass of this thickness, of which light passes `tint` after `tint_m` metres.
+pub fn glass(name: &str, thickness: f32, tint: Vec3, tint_m: f32) -> Material {
+    Material {
+        transmission: 1.0,
+        ior: 1.5,
+        thickness,
+        attenuation_color: tint,
+        attenuation_distance: tint_m,
+        ..plain(name, Vec3::ONE, 0.0)
     }
 }
 

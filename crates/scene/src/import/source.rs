@@ -1,27 +1,20 @@
 //! Bytes from files and URIs, pixels from bytes.
 
-use std::io::{Cursor, Error, ErrorKind};
+use std::io::Cursor;
 use std::path::{Component, Path, PathBuf};
 
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
+use super::files::Files;
+use super::limits::Limits;
 use crate::{ImageData, SceneError};
 
 /// Longest side of an image in pixels: the largest 2D texture that today's GPUs take.
 const MAX_IMAGE_SIDE: u32 = 16_384;
 
-/// Most pixels of all images of a scene together (2 GiB as RGBA): a few kilobytes of PNG can decode to a gigabyte.
-const MAX_PIXELS: u64 = 1 << 29;
-
-/// The whole content of a regular file. Devices and pipes are refused: they may never end.
-pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
-    let read = || {
-        if !std::fs::metadata(path)?.is_file() {
-            return Err(Error::new(ErrorKind::InvalidInput, "not a regular file"));
-        }
-        std::fs::read(path)
-    };
-    read().map_err(|source| SceneError::Read { path: path.to_owned(), source })
+/// The whole content of a file.
+pub(super) fn read_file(files: &dyn Files, path: &Path) -> Result<Vec<u8>, SceneError> {
+    files.read(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })
 }
 
 /// What a URI in a scene file refers to.
@@ -34,7 +27,12 @@ pub(super) enum Resource {
 
 impl Resource {
     /// Resolves `uri` as found at `place` in the scene file `scene`.
-    pub(super) fn resolve(scene: &Path, uri: &str, place: &str) -> Result<Self, SceneError> {
+    pub(super) fn resolve(
+        files: &dyn Files,
+        scene: &Path,
+        uri: &str,
+        place: &str,
+    ) -> Result<Self, SceneError> {
         let invalid = |problem: String| SceneError::Invalid {
             path: scene.to_owned(),
             place: place.to_owned(),
@@ -69,14 +67,14 @@ impl Resource {
         let path = directory.join(relative);
         // Exporters that forget to percent-encode write names with a literal percent sign.
         let literal = directory.join(uri);
-        Ok(Self::File(if !path.exists() && literal.exists() { literal } else { path }))
+        Ok(Self::File(if !files.exists(&path) && files.exists(&literal) { literal } else { path }))
     }
 
     /// The bytes, read now if they are in a file.
-    pub(super) fn into_bytes(self) -> Result<Vec<u8>, SceneError> {
+    pub(super) fn into_bytes(self, files: &dyn Files) -> Result<Vec<u8>, SceneError> {
         match self {
             Self::Data(bytes) => Ok(bytes),
-            Self::File(path) => read_file(&path),
+            Self::File(path) => read_file(files, &path),
         }
     }
 }
@@ -92,16 +90,15 @@ fn has_scheme(uri: &str) -> bool {
 /// Decodes images to RGBA8 within a budget for the whole scene.
 #[derive(Debug)]
 pub(super) struct Decoder {
-    pixels_left: u64,
-}
-
-impl Default for Decoder {
-    fn default() -> Self {
-        Self { pixels_left: MAX_PIXELS }
-    }
+    max_pixels: usize,
+    pixels_left: usize,
 }
 
 impl Decoder {
+    pub(super) fn new(limits: &Limits) -> Self {
+        Self { max_pixels: limits.pixels, pixels_left: limits.pixels }
+    }
+
     /// Decodes `bytes`; `name` is for messages, and its extension helps with formats without a signature (TGA).
     /// The error says what is wrong with the image.
     pub(super) fn decode(&mut self, bytes: &[u8], name: &str) -> Result<ImageData, String> {
@@ -119,7 +116,7 @@ impl Decoder {
                 ImageFormat::from_path(name).map_err(|_| "not an image of a known format".to_owned())?;
             reader.set_format(format);
         }
-        let mut limits = Limits::default();
+        let mut limits = image::Limits::default();
         limits.max_image_width = Some(MAX_IMAGE_SIDE);
         limits.max_image_height = Some(MAX_IMAGE_SIDE);
         // Sixteen bits and four channels of the largest image, and as much again for the decoder.
@@ -127,14 +124,13 @@ impl Decoder {
         reader.limits(limits);
         let decoder = reader.into_decoder().map_err(|e| e.to_string())?;
         let (width, height) = decoder.dimensions();
-        let pixels = u64::from(width) * u64::from(height);
+        let pixels = width as usize * height as usize;
         if pixels == 0 {
             return Err("the image has no pixels".to_owned());
         }
-        self.pixels_left = self
-            .pixels_left
-            .checked_sub(pixels)
-            .ok_or_else(|| format!("the scene's images have more than {MAX_PIXELS} pixels together"))?;
+        self.pixels_left = self.pixels_left.checked_sub(pixels).ok_or_else(|| {
+            format!("the scene's images have more than {} pixels together", self.max_pixels)
+        })?;
         DynamicImage::from_decoder(decoder).map_err(|e| e.to_string())
     }
 }

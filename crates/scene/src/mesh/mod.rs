@@ -33,6 +33,13 @@ fn gather(primitive: &mut Primitive, old_of_new: &[u32]) {
     pick(&mut primitive.uvs[0], old_of_new);
     pick(&mut primitive.uvs[1], old_of_new);
     pick(&mut primitive.colors, old_of_new);
+    pick(&mut primitive.joints, old_of_new);
+    pick(&mut primitive.joint_weights, old_of_new);
+    for target in &mut primitive.morph_targets {
+        pick(&mut target.positions, old_of_new);
+        pick(&mut target.normals, old_of_new);
+        pick(&mut target.tangents, old_of_new);
+    }
 }
 
 /// Drops vertices that no triangle uses: files share one vertex buffer among many primitives, and the rest would count

@@ -18,14 +18,14 @@ pub use lights::{grid_size, illuminance_scale, light_data};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Attachment, Bind, Buffer, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group,
+    Attachment, Bind, Buffer, ComputePipeline, DepthAttachment, Dispatch, Draw, Frame, Gpu, GpuError, Group,
     GroupLayout, Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
 };
 
 use crate::shaders;
 use crate::shadow::{Filter, ShadowOutputs, ShadowSettings};
 use crate::surface::culling::{DEPTH_COMPARE, DrawLists, draw_classes};
-use crate::surface::scene::CLASSES;
+use crate::surface::scene::{KINDS, OPAQUE};
 use crate::surface::{SceneFacts, SceneGpu, SurfaceBuffer, cull_mode};
 
 /// What shaders are compiled for.
@@ -59,7 +59,8 @@ impl Permutations {
 pub struct DirectLight {
     grid: ComputePipeline,
     shade: [ComputePipeline; 2],
-    forward: [RenderPipeline; CLASSES],
+    forward: [RenderPipeline; KINDS],
+    background: RenderPipeline,
     permutations: Permutations,
     targets: Option<Buffers>,
 }
@@ -108,7 +109,16 @@ impl DirectLight {
             };
             RenderPipeline::new(gpu, library, &shaders::forward(masked, multisampled), shared, &options)
         };
+        let background = RenderPipelineOptions {
+            targets: &target,
+            // Where depth is still 0; what is drawn there leaves it so.
+            depth: Some((TextureFormat::Depth32Float, wgpu::CompareFunction::Equal)),
+            samples: permutations.msaa,
+            ..Default::default()
+        };
+        let background_entry = shaders::plain("environment/background.vs.wesl");
         Ok(Self {
+            background: RenderPipeline::new(gpu, library, &background_entry, shared, &background)?,
             grid: ComputePipeline::new(gpu, library, &shaders::plain("direct/grid.cs.wesl"), shared, &[])?,
             shade: [shade(false)?, shade(true)?],
             forward: [forward(0)?, forward(1)?, forward(2)?, forward(3)?],
@@ -199,7 +209,7 @@ impl DirectLight {
         targets.radiance.clone()
     }
 
-    /// Forward: radiance from the camera's draw list; `sky` in stored units.
+    /// Forward: radiance from the camera's draw list; `sky` in stored units, `None` draws the environment.
     pub fn record_forward(
         &self,
         frame: &mut Frame<'_>,
@@ -207,7 +217,7 @@ impl DirectLight {
         lists: &DrawLists,
         shadows: &ShadowOutputs,
         light_grid: &Buffer,
-        sky: wgpu::Color,
+        sky: Option<wgpu::Color>,
     ) -> Texture {
         let targets = self.targets();
         let Some((color, depth)) = &targets.multisampled else {
@@ -218,7 +228,7 @@ impl DirectLight {
         let single = self.permutations.msaa == 1;
         let attachment = Attachment {
             texture: if single { &targets.radiance } else { color },
-            clear: Some(sky),
+            clear: Some(sky.unwrap_or(wgpu::Color::TRANSPARENT)),
             resolve: (!single).then_some(&targets.radiance),
         };
         let passes = Targets {
@@ -228,7 +238,10 @@ impl DirectLight {
         let binds = lighting_binds(shadows, light_grid);
         let shared = &[frame_group, scene.group()];
         frame.render("direct/forward", passes, |pass| {
-            draw_classes(pass, &self.forward, shared, &binds, (lists, 0, true));
+            draw_classes(pass, &self.forward, OPAQUE, shared, &binds, (lists, 0, true));
+            if sky.is_none() {
+                pass.draw(&self.background, shared, &binds, Draw::FullScreen);
+            }
         });
         targets.radiance.clone()
     }

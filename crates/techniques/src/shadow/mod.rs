@@ -10,7 +10,8 @@
 //! | lights, scene bounds, camera | shadow views (group 0) | `ShadowView` | world metres |
 //! | scene geometry | maps | Depth32Float array, a layer a view | reversed light-clip z |
 //!
-//! Limits: a spot wider than 160° is lit but unshadowed beyond that; one map for a sun is coarse in large scenes.
+//! Limits: see-through surfaces cast full shadows, blended ones where their alpha is at least a half;
+//! a spot wider than 160° is lit but unshadowed beyond that; one map for a sun is coarse in large scenes.
 //! Cost: 4 bytes a texel, and one raster of the culled casters whenever light, camera (suns) or scene changed: a map that
 //! rests is kept (`shadow.cache`).
 
@@ -30,7 +31,7 @@ use chiaro_gpu::{
 
 use crate::shaders;
 use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, draw_classes};
-use crate::surface::scene::CLASSES;
+use crate::surface::scene::KINDS;
 use crate::surface::{SceneFacts, SceneGpu};
 
 /// What [`ShadowMaps::record`] writes.
@@ -58,7 +59,7 @@ const DRAW_VIEW_BYTES: u64 = 64;
 #[derive(Debug)]
 pub struct ShadowMaps {
     culling: Culling,
-    pipelines: [RenderPipeline; CLASSES],
+    pipelines: [RenderPipeline; KINDS],
     outputs: ShadowOutputs,
     draw_views: Buffer,
     capacity: usize,
@@ -198,7 +199,14 @@ impl ShadowMaps {
                 let binds = [("draw_view", Binding::BufferRange(&self.draw_views, offset, DRAW_VIEW_BYTES))];
                 frame.render("shadow/depth", targets, |pass| {
                     let shared = &[frame_group, scene.group()];
-                    draw_classes(pass, &self.pipelines, shared, &binds, (&lists, index, true));
+                    draw_classes(
+                        pass,
+                        &self.pipelines,
+                        scene.classes(),
+                        shared,
+                        &binds,
+                        (&lists, index, true),
+                    );
                 });
             }
         }

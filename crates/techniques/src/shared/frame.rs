@@ -4,6 +4,8 @@ use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{self, BindingType, BufferBindingType, ShaderStages};
 use chiaro_gpu::{Binding, Buffer, Gpu, Group, GroupLayout, Life, Texture};
 
+use crate::environment;
+
 /// What is the same for every pass of a frame; see `frame.wesl` for meanings and units.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -24,10 +26,14 @@ pub struct FrameData {
     pub lighting_model: u32,
     pub seed: u32,
     pub ambient: [[f32; 4]; 3],
+    pub environment: [[[f32; 4]; 4]; 3],
     pub sky: [f32; 3],
     pub radiance_scale: f32,
     pub normal_maps: u32,
     pub anisotropy: u32,
+    pub environment_nits: f32,
+    pub environment_share: f32,
+    pub environment_turn: [f32; 2],
     pub _pad: [u32; 2],
 }
 
@@ -89,6 +95,9 @@ pub struct FrameGroup {
     /// [`ShadowViewData`].
     pub shadow_views: Buffer,
     albedo_table: Texture,
+    environment: Texture,
+    no_environment: Texture,
+    sampler: wgpu::Sampler,
     capacity: [usize; 2],
     group: Group,
 }
@@ -105,11 +114,18 @@ impl FrameGroup {
             view_dimension: wgpu::TextureViewDimension::D2,
             multisampled: false,
         };
+        let cube = BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: true },
+            view_dimension: wgpu::TextureViewDimension::Cube,
+            multisampled: false,
+        };
         let entries = [
             ("frame", all, buffer(BufferBindingType::Uniform)),
             ("lights", shading, storage),
             ("shadow_views", shading, storage),
             ("albedo_table", shading, table),
+            ("environment", shading, cube),
+            ("environment_sampler", shading, BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
         ];
         GroupLayout::new(gpu, 0, &entries)
     }
@@ -120,30 +136,48 @@ impl FrameGroup {
         let frame = Buffer::new(gpu, "frame", Life::Kept, size_of::<FrameData>() as u64, usage);
         let capacity = [16, 16];
         let (lights, shadow_views) = buffers(gpu, capacity);
-        let group = fill(gpu, layout, &frame, &lights, &shadow_views, albedo_table);
+        let (environment, sampler) = (environment::none(gpu), environment::sampler(gpu));
+        let handles = (&frame, &lights, &shadow_views, albedo_table, &environment, &sampler);
+        let group = fill(gpu, layout, handles);
         Self {
             layout: layout.clone(),
             frame,
             lights,
             shadow_views,
             albedo_table: albedo_table.clone(),
+            no_environment: environment.clone(),
+            environment,
+            sampler,
             capacity,
             group,
         }
     }
 
-    /// Makes room for so many lights and shadow views. To be called when the scene or settings change.
-    pub fn reserve(&mut self, gpu: &Gpu, lights: usize, views: usize) {
-        if lights <= self.capacity[0] && views <= self.capacity[1] {
+    /// Makes room for so many lights and shadow views, and takes the scene's environment. To be called when the scene
+    /// or settings change.
+    pub fn reserve(&mut self, gpu: &Gpu, lights: usize, views: usize, environment: Option<&Texture>) {
+        let environment = environment.unwrap_or(&self.no_environment);
+        let fits = lights <= self.capacity[0] && views <= self.capacity[1];
+        if fits && self.environment == *environment {
             return;
         }
-        self.capacity = [
-            lights.max(self.capacity[0]).next_power_of_two(),
-            views.max(self.capacity[1]).next_power_of_two(),
-        ];
-        (self.lights, self.shadow_views) = buffers(gpu, self.capacity);
-        self.group =
-            fill(gpu, &self.layout, &self.frame, &self.lights, &self.shadow_views, &self.albedo_table);
+        self.environment = environment.clone();
+        if !fits {
+            self.capacity = [
+                lights.max(self.capacity[0]).next_power_of_two(),
+                views.max(self.capacity[1]).next_power_of_two(),
+            ];
+            (self.lights, self.shadow_views) = buffers(gpu, self.capacity);
+        }
+        let handles = (
+            &self.frame,
+            &self.lights,
+            &self.shadow_views,
+            &self.albedo_table,
+            &self.environment,
+            &self.sampler,
+        );
+        self.group = fill(gpu, &self.layout, handles);
     }
 
     /// The filled group.
@@ -164,11 +198,10 @@ fn buffers(gpu: &Gpu, [lights, views]: [usize; 2]) -> (Buffer, Buffer) {
 fn fill(
     gpu: &Gpu,
     layout: &GroupLayout,
-    frame: &Buffer,
-    lights: &Buffer,
-    views: &Buffer,
-    table: &Texture,
+    handles: (&Buffer, &Buffer, &Buffer, &Texture, &Texture, &wgpu::Sampler),
 ) -> Group {
-    let bindings: [Binding<'_>; 4] = [frame.into(), lights.into(), views.into(), table.into()];
+    let (frame, lights, views, table, environment, sampler) = handles;
+    let bindings: [Binding<'_>; 6] =
+        [frame.into(), lights.into(), views.into(), table.into(), environment.into(), sampler.into()];
     layout.group(gpu, &bindings)
 }

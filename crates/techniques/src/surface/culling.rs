@@ -9,6 +9,8 @@
 //! A prefix sum instead of appending keeps the list's order, and with it the image, the same every time. One indirect
 //! draw per view and class serves everything: no multi-draw, no first-instance feature.
 
+use std::ops::Range;
+
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{BufferUsages, CompareFunction};
@@ -18,7 +20,7 @@ use chiaro_gpu::{
 };
 use glam::{Mat4, Vec3, Vec4, Vec4Swizzles};
 
-use super::scene::{CLASSES, SceneGpu};
+use super::scene::{CLASSES, KINDS, SceneGpu};
 use crate::shaders;
 
 /// Views of one [`Culling::record`] at most.
@@ -61,7 +63,7 @@ impl CullView {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct CullClasses {
-    pub(crate) first: [u32; 4],
+    pub(crate) first: [u32; CLASSES],
     pub(crate) item_count: u32,
     pub(crate) list_stride: u32,
     _pad: [u32; 2],
@@ -235,15 +237,16 @@ impl Culling {
 /// Draw lists of the views culled at once take at most this much.
 const LIST_BUDGET_BYTES: u64 = 128 << 20;
 
-/// Draws all classes of a view with pipelines by class.
+/// Draws some classes of a view with pipelines by kind of class.
 pub fn draw_classes(
     pass: &mut RenderPass<'_, '_>,
-    pipelines: &[RenderPipeline; CLASSES],
+    pipelines: &[RenderPipeline; KINDS],
+    classes: Range<usize>,
     shared: &[&chiaro_gpu::Group],
     binds: &[chiaro_gpu::Bind<'_>],
     (lists, view, indexed): (&DrawLists, usize, bool),
 ) {
-    for (class, pipeline) in pipelines.iter().enumerate() {
-        pass.draw(pipeline, shared, binds, lists.draw(view, class, indexed));
+    for class in classes {
+        pass.draw(&pipelines[class % KINDS], shared, binds, lists.draw(view, class, indexed));
     }
 }

@@ -19,8 +19,14 @@ pub struct MaterialData {
     pub normal_scale: f32,
     pub specular_color: [f32; 3],
     pub occlusion_strength: f32,
+    pub absorption: [f32; 3],
+    pub transmission: f32,
+    pub ior: f32,
+    pub thickness: f32,
+    pub dispersion: f32,
     pub alpha_cutoff: f32,
-    pub reserved: f32,
+    pub f0_factor: f32,
+    pub flags: u32,
     pub base_color_texture: [u32; 2],
     pub metallic_roughness_texture: [u32; 2],
     pub normal_texture: [u32; 2],
@@ -28,14 +34,42 @@ pub struct MaterialData {
     pub emissive_texture: [u32; 2],
     pub specular_texture: [u32; 2],
     pub specular_color_texture: [u32; 2],
+    pub transmission_texture: [u32; 2],
+    pub thickness_texture: [u32; 2],
 }
 
 const METALLIC_ROUGHNESS: u32 = 0;
 const PHONG: u32 = 1;
 const UNLIT: u32 = 2;
 
-/// Blended surfaces are drawn as masked at half coverage until blending exists.
+/// Blended surfaces cast shadows as masked at half coverage.
 const BLEND_CUTOFF: f32 = 0.5;
+
+/// Whether other surfaces may be seen through a material.
+pub fn see_through(material: &cs::Material) -> bool {
+    material.alpha == cs::AlphaMode::Blend || transmission(material) > 0.0
+}
+
+/// Share of light that passes; metals and the Phong model pass none.
+fn transmission(material: &cs::Material) -> f32 {
+    if material.reflection == cs::Reflection::MetallicRoughness { material.transmission } else { 0.0 }
+}
+
+/// F0 over that of glass of index 1.5, 0.04 (Schlick 1994); an index of 0 means full reflection (KHR_materials_ior).
+fn f0_factor(material: &cs::Material) -> f32 {
+    if material.ior == 1.5 || material.reflection != cs::Reflection::MetallicRoughness {
+        return 1.0;
+    }
+    let root = (material.ior - 1.0) / (material.ior + 1.0);
+    root * root / 0.04
+}
+
+/// Per metre; infinite distances take nothing away, black takes all that half floats can say.
+fn absorption(material: &cs::Material) -> [f32; 3] {
+    let per_metre =
+        |left: f32| (-left.max(1e-6).ln() / material.attenuation_distance.max(1e-6)).clamp(0.0, 6e4);
+    material.attenuation_color.to_array().map(per_metre)
+}
 
 /// Alpha below which a surface is a hole; 0 = no mask.
 pub fn alpha_cutoff(material: &cs::Material) -> f32 {
@@ -81,8 +115,14 @@ pub fn pack(material: &cs::Material, slots: &TextureSlots, geometry: &mut Vec<u3
         normal_scale: material.normal_scale,
         specular_color: material.specular_color.to_array(),
         occlusion_strength: material.occlusion_strength,
+        absorption: absorption(material),
+        transmission: transmission(material),
+        ior: if material.ior == 0.0 { 1.0 } else { material.ior },
+        thickness: material.thickness,
+        dispersion: material.dispersion,
         alpha_cutoff: alpha_cutoff(material),
-        reserved: 0.0,
+        f0_factor: f0_factor(material),
+        flags: u32::from(material.alpha == cs::AlphaMode::Blend),
         base_color_texture: texture(&material.base_color_texture, false),
         metallic_roughness_texture: texture(&material.metallic_roughness_texture, true),
         normal_texture: texture(&material.normal_texture, true),
@@ -90,5 +130,7 @@ pub fn pack(material: &cs::Material, slots: &TextureSlots, geometry: &mut Vec<u3
         emissive_texture: texture(&material.emissive_texture, false),
         specular_texture: texture(&material.specular_texture, true),
         specular_color_texture: texture(&material.specular_color_texture, false),
+        transmission_texture: [0; 2],
+        thickness_texture: [0; 2],
     }
 }

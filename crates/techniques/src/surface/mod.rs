@@ -2,7 +2,8 @@
 //!
 //! Geometry is culled per view in clusters ([`culling`]); a raster pass writes depth and which triangle each pixel
 //! shows (the visibility buffer, Burns & Hunt 2013); a compute pass turns that into the surface buffer. Fragments do
-//! next to nothing, because on data-centre GPUs they are 20–30 times slower than compute.
+//! next to nothing, because on data-centre GPUs they are 20–30 times slower than compute. The buffer holds opaque and
+//! masked surfaces; what others are seen through is [`crate::transparency`].
 //!
 //! | output | format | space, unit |
 //! | --- | --- | --- |
@@ -32,7 +33,7 @@ use chiaro_gpu::{
 };
 use culling::{CullView, Culling, DrawLists, draw_classes};
 
-use crate::shaders;
+use crate::shaders::{self, Layer};
 
 /// What [`Surfaces::record`] writes.
 #[derive(Clone, Debug)]
@@ -51,7 +52,7 @@ pub struct SurfaceBuffer {
 #[derive(Debug)]
 pub struct Surfaces {
     culling: Culling,
-    visibility: [RenderPipeline; scene::CLASSES],
+    visibility: [RenderPipeline; scene::KINDS],
     resolve: [ComputePipeline; 2],
     indexed: bool,
     facts: SceneFacts,
@@ -92,10 +93,11 @@ impl Surfaces {
                 constants: &constants,
                 ..Default::default()
             };
-            RenderPipeline::new(gpu, library, &shaders::visibility(indexed, masked), shared, &options)
+            let entry = shaders::visibility(indexed, masked, Layer::None);
+            RenderPipeline::new(gpu, library, &entry, shared, &options)
         };
         let resolve =
-            |glows| ComputePipeline::new(gpu, library, &shaders::resolve(glows), shared, &materials);
+            |glows| ComputePipeline::new(gpu, library, &shaders::resolve(glows, false), shared, &materials);
         Ok(Self {
             culling: Culling::new(gpu, library, scene_layout)?,
             visibility: [visibility(0)?, visibility(1)?, visibility(2)?, visibility(3)?],
@@ -141,18 +143,18 @@ impl Surfaces {
         self.culling.record(frame, names, scene, &[*camera])
     }
 
-    /// Visibility and surface buffer from the camera's draw list.
+    /// Depth and visibility of opaque surfaces alone; returns the depth.
     ///
     /// # Panics
     /// When [`Surfaces::reserve`] was not called.
-    pub fn record(
+    pub fn record_visibility(
         &self,
         frame: &mut Frame<'_>,
         frame_group: &Group,
         scene: &SceneGpu,
         lists: &DrawLists,
-    ) -> SurfaceBuffer {
-        let Some(buffer) = &self.buffer else { panic!("surface: no room reserved") };
+    ) -> Texture {
+        let buffer = self.buffer();
         let shared = &[frame_group, scene.group()];
         let targets = Targets {
             color: &[Attachment {
@@ -164,8 +166,33 @@ impl Surfaces {
         };
         let binds = [("draw_arguments", (&lists.arguments).into()), ("draw_list", (&lists.list).into())];
         frame.render("surface/visibility", targets, |pass| {
-            draw_classes(pass, &self.visibility, shared, &binds, (lists, 0, self.indexed));
+            draw_classes(pass, &self.visibility, scene::OPAQUE, shared, &binds, (lists, 0, self.indexed));
         });
+        buffer.depth.clone()
+    }
+
+    // Frames are recorded after `reserve`: no room is a mistake of the caller's code.
+    fn buffer(&self) -> &SurfaceBuffer {
+        match &self.buffer {
+            Some(buffer) => buffer,
+            None => panic!("surface: no room reserved"),
+        }
+    }
+
+    /// Visibility and surface buffer of opaque surfaces from the camera's draw list.
+    ///
+    /// # Panics
+    /// When [`Surfaces::reserve`] was not called.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        frame_group: &Group,
+        scene: &SceneGpu,
+        lists: &DrawLists,
+    ) -> SurfaceBuffer {
+        self.record_visibility(frame, frame_group, scene, lists);
+        let buffer = self.buffer();
+        let shared = &[frame_group, scene.group()];
         let mut binds = vec![
             ("visibility", (&buffer.visibility).into()),
             ("draw_list", (&lists.list).into()),

@@ -2,6 +2,7 @@
 //!
 //! Items, a cluster at an instance, are sorted by class, so that one prefix sum lays out the draws of all classes.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use bytemuck::{Pod, Zeroable};
@@ -42,11 +43,19 @@ static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 const MAX_ITEMS: usize = 1 << 24;
 
 /// How clusters are drawn: each class is one indirect draw per view.
-pub const CLASSES: usize = 4;
+pub const CLASSES: usize = 8;
+/// Classes that differ by how they are drawn: double-sided or not, masked or not.
+pub const KINDS: usize = 4;
+/// Classes of opaque and masked surfaces.
+pub const OPAQUE: Range<usize> = 0..KINDS;
+/// Classes of surfaces that others are seen through.
+pub const SEE_THROUGH: Range<usize> = KINDS..CLASSES;
 
-/// Class of a material: bit 0 double-sided, bit 1 masked.
+/// Class of a material: bit 0 double-sided, bit 1 masked or blended, bit 2 see-through.
 fn class(material: &cs::Material) -> usize {
-    usize::from(material.double_sided) | usize::from(material::alpha_cutoff(material) > 0.0) << 1
+    usize::from(material.double_sided)
+        | usize::from(material::alpha_cutoff(material) > 0.0) << 1
+        | usize::from(material::see_through(material)) << 2
 }
 
 /// What motion writes: the very buffers of group 1.
@@ -88,6 +97,8 @@ pub struct SceneFacts {
     pub textures: u32,
     /// Texture size classes in use.
     pub size_classes: u32,
+    /// Whether any surface is see-through.
+    pub see_through: bool,
 }
 
 impl SceneFacts {
@@ -104,7 +115,11 @@ impl SceneFacts {
             ];
             uses.iter().enumerate().fold(0, |bits, (bit, used)| bits | u32::from(*used) << bit)
         };
-        Self { textures: scene.materials.iter().fold(0, |all, m| all | bits(m)), size_classes }
+        Self {
+            textures: scene.materials.iter().fold(0, |all, m| all | bits(m)),
+            size_classes,
+            see_through: scene.materials.iter().any(material::see_through),
+        }
     }
 
     /// What serves both.
@@ -113,6 +128,7 @@ impl SceneFacts {
         Self {
             textures: self.textures | other.textures,
             size_classes: self.size_classes.max(other.size_classes),
+            see_through: self.see_through | other.see_through,
         }
     }
 
@@ -248,6 +264,16 @@ impl SceneGpu {
     /// programs that look at what motion made of them.
     pub fn buffers(&self) -> [&Buffer; 3] {
         [&self.buffers.geometry, &self.buffers.clusters, &self.buffers.instances]
+    }
+
+    /// Whether anything drawn is see-through.
+    pub fn see_through(&self) -> bool {
+        self.class_first[SEE_THROUGH.start] < self.item_count
+    }
+
+    /// The classes that have something to draw.
+    pub fn classes(&self) -> Range<usize> {
+        if self.see_through() { 0..CLASSES } else { OPAQUE }
     }
 
     /// A number that no other scene has, so that caches know what they hold.

@@ -22,6 +22,9 @@ settings! {
         /// Samples per pixel of the forward pipeline. More smooths edges and costs memory and bandwidth;
         /// WebGPU guarantees 1 and 4.
         msaa: u32 = 4, "samples", 1..=8, Permutation;
+        /// See-through surfaces one behind the other that a pixel can show; the nearest count. More shows deeper stacks
+        /// of glass, and each costs 8 bytes a pixel and about six passes.
+        layers: u32 = 4, "layers", 1..=8, Resources;
         /// Whether normal maps bend shading normals.
         normal_maps: bool = true, "", (), Uniform;
         /// Texels averaged along the longer side of a slanted footprint. More keeps slanted textures sharp and

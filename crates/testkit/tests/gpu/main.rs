@@ -3,6 +3,7 @@
 
 mod brdf;
 mod culling;
+mod environment;
 mod goldens;
 mod lights;
 mod motion;

@@ -180,7 +180,8 @@ fn read<T: bytemuck::Pod>(gpu: &chiaro::Gpu, buffer: &Buffer) -> Vec<T> {
     bytemuck::pod_collect_to_vec(&BufferReadback::start(gpu, buffer).wait(gpu).unwrap())
 }
 
-/// Current and previous positions of all bending vertices, and the instances' transforms likewise.
+/// Current and previous positions of all bending vertices, and the instances' transforms likewise. Every cluster must
+/// lie within its sphere.
 fn now_and_before(gpu: &chiaro::Gpu, scene: &LoadedScene) -> [Vec<u32>; 2] {
     let [geometry, clusters, instances] = scene.gpu.buffers();
     let words: Vec<u32> = read(gpu, geometry);
@@ -190,6 +191,11 @@ fn now_and_before(gpu: &chiaro::Gpu, scene: &LoadedScene) -> [Vec<u32>; 2] {
         let (first, count) = (cluster.positions as usize, 3 * cluster.vertex_count as usize);
         now.extend(&words[first..first + count]);
         before.extend(&words[first + count..first + 2 * count]);
+        let [x, y, z, radius] = cluster.sphere;
+        for position in words[first..first + count].as_chunks::<3>().0 {
+            let distance = Vec3::from(position.map(f32::from_bits)).distance(Vec3::new(x, y, z));
+            assert!(distance <= radius, "a vertex is {distance} m from the middle of a sphere of {radius} m");
+        }
     }
     for instance in read::<InstanceData>(gpu, instances) {
         now.extend(instance.world_from_object.as_flattened().iter().map(|f| f.to_bits()));

@@ -53,15 +53,21 @@ const FOOTING: f32 = -0.25;
 /// Builds the scene.
 pub fn build() -> Scene {
     let mut stage = Stage::new("nave");
-    let m = materials::Palette::new(&mut stage);
+    place(&mut stage);
+    stage.scene
+}
 
-    shell::place(&mut stage, &m);
-    furniture::place(&mut stage, &m);
+/// Puts the nave with its lights and cameras on a stage.
+pub fn place(stage: &mut Stage) {
+    let m = materials::Palette::new(stage);
 
-    let piers = piers::meshes(&mut stage, &m);
+    shell::place(stage, &m);
+    furniture::place(stage, &m);
+
+    let piers = piers::meshes(stage, &m);
     for line in 0..=BAYS {
         for mesh in piers {
-            on_both_sides(&mut stage, mesh, -HALF_LENGTH + BAY * line as f32);
+            on_both_sides(stage, mesh, -HALF_LENGTH + BAY * line as f32);
         }
     }
     let sides = [
@@ -74,7 +80,7 @@ pub fn build() -> Scene {
     for bay in 0..BAYS {
         let z = -HALF_LENGTH + BAY * (bay as f32 + 0.5);
         for mesh in sides {
-            on_both_sides(&mut stage, mesh, z);
+            on_both_sides(stage, mesh, z);
         }
         stage.place(vault, vec3(0.0, 0.0, z), false);
     }
@@ -85,10 +91,9 @@ pub fn build() -> Scene {
     for line in 0..=BAYS {
         let z = -HALF_LENGTH + BAY * line as f32;
         stage.place(transverse[0], vec3(0.0, 0.0, z), false);
-        on_both_sides(&mut stage, transverse[1], z);
+        on_both_sides(stage, transverse[1], z);
     }
-    light::place(&mut stage);
-    stage.scene
+    light::place(stage);
 }
 
 /// Places a mesh made for the south side there and, turned, on the north side.

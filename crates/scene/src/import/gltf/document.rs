@@ -7,12 +7,13 @@ use ::gltf::json::validation::Checked;
 use ::gltf::json::{Root, Value, deserialize};
 use ::gltf::{Document, Glb};
 
-use super::super::source::Resource;
 use super::super::warnings::Warnings;
 use crate::SceneError;
 
 /// Extensions that this importer honours.
 const SUPPORTED: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "KHR_lights_punctual",
     "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
@@ -21,20 +22,18 @@ const SUPPORTED: &[&str] = &[
     "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "KHR_texture_transform",
 ];
 
 /// What to do about an extension that a file cannot do without.
 fn advice(extension: &str) -> &'static str {
     match extension {
-        "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-            "export the file again without mesh compression"
-        }
-        "KHR_mesh_quantization" => "export the file again without quantization, with float vertex attributes",
+        "KHR_draco_mesh_compression" => "export the file again with meshopt or without mesh compression",
         "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => {
             "export the file again with PNG or JPEG textures"
         }
-        "EXT_mesh_gpu_instancing" => "export the file again with one node per instance",
         "KHR_materials_pbrSpecularGlossiness" => "export the file again with metallic-roughness materials",
         _ => "export the file again without this extension",
     }
@@ -59,17 +58,16 @@ pub(super) fn parse(
         bytes = glb.json.into_owned();
     }
     let json = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
-    let mut root: Root = deserialize::from_slice(json).map_err(|error| {
-        // A file of another version or with exotic extensions need not have the shape of glTF 2.0: say that first.
-        let refused = deserialize::from_slice::<Value>(json).ok().and_then(|value| {
-            let text = |value: &Value| value.as_str().map(str::to_owned);
-            let version = value.pointer("/asset/version").and_then(text);
-            let required = value.get("extensionsRequired").and_then(Value::as_array).map(Vec::as_slice);
-            let required: Vec<String> = required.unwrap_or_default().iter().filter_map(text).collect();
-            version.and_then(|v| check_version(path, &v).err()).or(check_required(path, &required).err())
-        });
-        refused.unwrap_or_else(|| invalid("JSON", error.to_string()))
-    })?;
+    let mut root = match deserialize::from_slice::<Root>(json) {
+        Ok(root) => root,
+        // What the file is about need not have the shape of glTF 2.0.
+        Err(error) => deserialize::from_slice::<Value>(json)
+            .ok()
+            .map(|value| repaired(path, value, warnings))
+            .transpose()?
+            .flatten()
+            .ok_or_else(|| invalid("JSON", error.to_string()))?,
+    };
 
     check_version(path, &root.asset.version)?;
     if let Some(minimum) = root.asset.min_version.as_deref().filter(|version| *version != "2.0") {
@@ -81,8 +79,21 @@ pub(super) fn parse(
             warnings.add(format!("the extension {extension} is not supported and was ignored"));
         }
     }
-    // Checked above; the crate's own list lacks some extensions that it parses.
-    root.extensions_required.clear();
+    // Checked above; the crate's own list lacks some extensions that are read here.
+    root.extensions_used.append(&mut root.extensions_required);
+    // The crate asserts on these two and on the targets' nodes.
+    for (a, animation) in root.animations.iter_mut().enumerate() {
+        let nodes = root.nodes.len();
+        if let Some(channel) = animation.channels.iter().position(|c| c.target.node.value() >= nodes) {
+            let place = format!("animations[{a}].channels[{channel}].target.node");
+            return Err(invalid(&place, "there is no node of this index".to_owned()));
+        }
+        let count = animation.channels.len();
+        animation.channels.retain(|channel| matches!(channel.target.path, Checked::Valid(_)));
+        if animation.channels.len() < count {
+            warnings.add(format!("animations[{a}] moves something else than nodes, which was left out"));
+        }
+    }
     // The crate's validation looks this one accessor up without asking whether it exists.
     for (m, mesh) in root.meshes.iter().enumerate() {
         for (p, primitive) in mesh.primitives.iter().enumerate() {
@@ -101,6 +112,28 @@ pub(super) fn parse(
         other => invalid("JSON", other.to_string()),
     })?;
     Ok((document, blob))
+}
+
+/// A document that the crate does not parse: of another version, with exotic extensions, which are refused by name, or
+/// with channels that move something else than nodes (KHR_animation_pointer), which are left out.
+fn repaired(path: &Path, mut value: Value, warnings: &mut Warnings) -> Result<Option<Root>, SceneError> {
+    let text = |value: &Value| value.as_str().map(str::to_owned);
+    if let Some(version) = value.pointer("/asset/version").and_then(text) {
+        check_version(path, &version)?;
+    }
+    let required = value.get("extensionsRequired").and_then(Value::as_array).map(Vec::as_slice);
+    let required: Vec<String> = required.unwrap_or_default().iter().filter_map(text).collect();
+    check_required(path, &required)?;
+    let animations = value.get_mut("animations").and_then(Value::as_array_mut);
+    for (a, animation) in animations.into_iter().flatten().enumerate() {
+        let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else { continue };
+        let count = channels.len();
+        channels.retain(|channel| channel.pointer("/target/node").is_some());
+        if channels.len() < count {
+            warnings.add(format!("animations[{a}] moves something else than nodes, which was left out"));
+        }
+    }
+    Ok(deserialize::from_value(value).ok())
 }
 
 /// The crate subtracts the header's size from the length that the header states, whatever that is.
@@ -143,30 +176,4 @@ fn check_required(path: &Path, required: &[String]) -> Result<(), SceneError> {
             advice: advice(extension).to_owned(),
         }),
     }
-}
-
-/// The content of every buffer, each at least as long as the document states.
-pub(super) fn buffers(
-    path: &Path,
-    document: &Document,
-    mut blob: Option<Vec<u8>>,
-) -> Result<Vec<Vec<u8>>, SceneError> {
-    let mut buffers = Vec::new();
-    for buffer in document.buffers() {
-        let place = format!("buffers[{}]", buffer.index());
-        let invalid =
-            |problem: String| SceneError::Invalid { path: path.to_owned(), place: place.clone(), problem };
-        let bytes = match buffer.source() {
-            ::gltf::buffer::Source::Uri(uri) => Resource::resolve(path, uri, &place)?.into_bytes()?,
-            ::gltf::buffer::Source::Bin => {
-                let blob = blob.take().filter(|_| buffer.index() == 0);
-                blob.ok_or_else(|| invalid("it has no URI, and the file no binary chunk for it".to_owned()))?
-            }
-        };
-        if bytes.len() < buffer.length() {
-            return Err(invalid(format!("it states {} bytes but has {}", buffer.length(), bytes.len())));
-        }
-        buffers.push(bytes);
-    }
-    Ok(buffers)
 }

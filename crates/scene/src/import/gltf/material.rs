@@ -9,7 +9,8 @@ use glam::{Vec3, Vec4};
 
 use super::super::warnings::Warnings;
 use super::File;
-use super::texture::{Textures, Transform};
+use super::buffers::Buffers;
+use super::texture::{Textures, Transform, UvSets};
 use crate::{AlphaMode, Id, Material, Reflection, Scene, SceneError, TextureRef};
 
 /// The materials of one file.
@@ -17,13 +18,20 @@ pub(super) struct Materials<'a> {
     file: File<'a>,
     textures: Textures<'a>,
     done: Vec<Material>,
+    uv_sets: Vec<UvSets>,
     /// Our material by the file's index, `None` being the default material.
     converted: HashMap<Option<usize>, Id>,
 }
 
 impl<'a> Materials<'a> {
-    pub(super) fn new(file: File<'a>, buffers: &'a [Vec<u8>]) -> Self {
-        Self { file, textures: Textures::new(file, buffers), done: Vec::new(), converted: HashMap::new() }
+    pub(super) fn new(file: File<'a>, buffers: &'a Buffers) -> Self {
+        Self {
+            file,
+            textures: Textures::new(file, buffers),
+            done: Vec::new(),
+            uv_sets: Vec::new(),
+            converted: HashMap::new(),
+        }
     }
 
     /// Our index of a primitive's material.
@@ -39,8 +47,15 @@ impl<'a> Materials<'a> {
             Some(index) => format!("materials[{index}]"),
             None => "the default material".to_owned(),
         };
-        let converted =
-            Conversion { file: self.file, textures: &mut self.textures, warnings, place }.run(material)?;
+        let mut conversion = Conversion {
+            file: self.file,
+            textures: &mut self.textures,
+            uv_sets: UvSets::default(),
+            warnings,
+            place,
+        };
+        let converted = conversion.run(material)?;
+        self.uv_sets.push(conversion.uv_sets);
         let id = self.done.len();
         self.done.push(converted);
         self.converted.insert(material.index(), id);
@@ -49,6 +64,11 @@ impl<'a> Materials<'a> {
 
     pub(super) fn get(&self, id: Id) -> &Material {
         &self.done[id]
+    }
+
+    /// Which of the file's sets of texture coordinates the material reads as [`Primitive::uvs`](crate::Primitive::uvs).
+    pub(super) fn uv_sets(&self, id: Id) -> [u32; 2] {
+        self.uv_sets[id].sets()
     }
 
     /// Moves everything into the scene.
@@ -62,6 +82,7 @@ impl<'a> Materials<'a> {
 struct Conversion<'c, 'a> {
     file: File<'a>,
     textures: &'c mut Textures<'a>,
+    uv_sets: UvSets,
     warnings: &'c mut Warnings,
     place: String,
 }
@@ -161,9 +182,8 @@ impl<'a> Conversion<'_, 'a> {
         if let Some(transmission) = source.transmission() {
             material.transmission =
                 self.factor(transmission.transmission_factor(), 0.0..=1.0, "transmissionFactor")?;
-            if transmission.transmission_texture().is_some() {
-                self.left_out("transmissionTexture");
-            }
+            material.transmission_texture =
+                self.texture(transmission.transmission_texture(), "transmissionTexture")?;
         }
         if let Some(volume) = source.volume() {
             material.thickness = self.factor(volume.thickness_factor(), 0.0..=f32::MAX, "thicknessFactor")?;
@@ -175,9 +195,7 @@ impl<'a> Conversion<'_, 'a> {
             } else {
                 self.factor(distance, f32::MIN_POSITIVE..=f32::MAX, "attenuationDistance")?
             };
-            if volume.thickness_texture().is_some() {
-                self.left_out("thicknessTexture");
-            }
+            material.thickness_texture = self.texture(volume.thickness_texture(), "thicknessTexture")?;
         }
         if let Some(dispersion) = source.extension_value("KHR_materials_dispersion") {
             let value = dispersion.get("dispersion").map_or(Some(0.0), Value::as_f64);
@@ -196,7 +214,14 @@ impl<'a> Conversion<'_, 'a> {
             tex_coord: t.tex_coord(),
         });
         let place = format!("{}.{name}", self.place);
-        self.textures.reference(info.texture().index(), info.tex_coord(), transform, &place, self.warnings)
+        self.textures.reference(
+            info.texture().index(),
+            info.tex_coord(),
+            transform,
+            &mut self.uv_sets,
+            &place,
+            self.warnings,
+        )
     }
 
     /// For the two texture infos whose transform the crate does not parse.
@@ -214,7 +239,7 @@ impl<'a> Conversion<'_, 'a> {
             })?),
             None => None,
         };
-        self.textures.reference(texture, tex_coord, transform, &place, self.warnings)
+        self.textures.reference(texture, tex_coord, transform, &mut self.uv_sets, &place, self.warnings)
     }
 
     /// A factor within its range: what lies outside is clamped with a warning, what is not finite refused.
@@ -243,10 +268,6 @@ impl<'a> Conversion<'_, 'a> {
             *value = self.factor(*value, range.clone(), name)?;
         }
         Ok(values)
-    }
-
-    fn left_out(&mut self, texture: &str) {
-        self.warnings.add(format!("{}: {texture} is not supported; its factor alone is used", self.place));
     }
 
     fn invalid(&self, name: &str, problem: &str) -> SceneError {

@@ -1,14 +1,21 @@
 //! glTF 2.0 and GLB.
 //!
 //! The `gltf` crate parses; it trusts a file in places where it must not (accessor arithmetic, images without a media
-//! type, cameras of the wrong kind), so that its iterators are reached only through the checks in [`accessor`] and
+//! type, cameras of the wrong kind), so that accessors are read by [`accessor`] and
 //! its convenience readers are not used.
 
 mod accessor;
+mod animation;
+mod buffers;
+mod deform;
 mod document;
+mod instancing;
 mod material;
+mod meshopt;
 mod node;
+mod placed;
 mod primitive;
+mod skin;
 mod texture;
 
 use std::path::Path;
@@ -16,32 +23,48 @@ use std::path::Path;
 use ::gltf::Document;
 
 use self::accessor::Accessors;
+use self::buffers::Buffers;
 use self::material::Materials;
 use self::primitive::Meshes;
+use super::files::Files;
+use super::limits::{Budget, Limits};
 use super::warnings::Warnings;
-use super::{Budget, check_world, scene_name, source};
+use super::{LoadOptions, reach, scene_name, source};
 use crate::{Scene, SceneError};
 
 /// Loads a `.gltf` or `.glb` file.
-pub(super) fn load(path: &Path) -> Result<Scene, SceneError> {
-    from_bytes(path, source::read_file(path)?)
+pub(super) fn load(files: &dyn Files, path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
+    from_bytes(files, path, source::read_file(files, path)?, options)
 }
 
 /// Loads a scene from the content of the file `path`, relative to which other files are found.
-pub(super) fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Scene, SceneError> {
+pub(super) fn from_bytes(
+    files: &dyn Files,
+    path: &Path,
+    bytes: Vec<u8>,
+    options: &LoadOptions,
+) -> Result<Scene, SceneError> {
     let mut warnings = Warnings::default();
     let (document, blob) = document::parse(path, bytes, &mut warnings)?;
-    let buffers = document::buffers(path, &document, blob)?;
-    let file = File { path, document: &document };
+    let file = File { path, files, limits: &options.limits, document: &document };
+    let buffers = Buffers::read(file, blob)?;
     let mut materials = Materials::new(file, &buffers);
-    let accessors = Accessors::new(file, &buffers);
-    let mut meshes = Meshes { file, accessors, materials: &mut materials, budget: Budget::default() };
+    let mut meshes = Meshes {
+        file,
+        accessors: Accessors::new(file, &buffers),
+        materials: &mut materials,
+        budget: Budget::new(file.limits),
+    };
 
     let mut scene = Scene { name: scene_name(path), ..Scene::default() };
-    node::convert(&mut meshes, &mut scene, &mut warnings)?;
+    let names = document.scenes().map(|scene| scene.name().unwrap_or_default().to_owned());
+    scene.scene_names = names.collect();
+    let mut nodes = node::convert(&mut meshes, options.scene.as_deref(), &mut scene, &mut warnings)?;
+    skin::convert(&mut meshes, &mut nodes, &mut scene, &mut warnings)?;
+    animation::convert(&mut meshes, &nodes, &mut scene, &mut warnings)?;
     materials.finish(&mut scene);
     scene.warnings = warnings.into_messages();
-    check_world(path, &scene)?;
+    reach::check(path, &scene)?;
     Ok(scene)
 }
 
@@ -49,10 +72,17 @@ pub(super) fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Scene, SceneErro
 #[derive(Clone, Copy)]
 struct File<'a> {
     path: &'a Path,
+    files: &'a dyn Files,
+    limits: &'a Limits,
     document: &'a Document,
 }
 
 impl File<'_> {
+    /// Whether the file names an extension as one that it uses.
+    fn uses(&self, extension: &str) -> bool {
+        self.document.extensions_used().any(|used| used == extension)
+    }
+
     /// An error about `place`, a path in the JSON such as `meshes[2].primitives[0]`.
     fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
         SceneError::Invalid { path: self.path.to_owned(), place: place.into(), problem: problem.into() }

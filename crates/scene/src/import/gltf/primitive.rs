@@ -1,19 +1,17 @@
 //! Meshes: whatever a primitive is drawn as becomes a triangle list with the streams its material needs.
 
 use ::gltf::Semantic;
-use ::gltf::accessor::{DataType, Dimensions};
+use ::gltf::accessor::Dimensions;
 use ::gltf::mesh::Mode;
 use glam::{Vec2, Vec3, Vec4};
 
+use super::super::MAX_COORDINATE;
+use super::super::limits::Budget;
 use super::super::warnings::Warnings;
-use super::super::{Budget, MAX_COORDINATE};
-use super::File;
-use super::accessor::Accessors;
+use super::accessor::{Accessors, Format};
 use super::material::Materials;
+use super::{File, deform};
 use crate::{Mesh, Primitive, SceneError, mesh};
-
-const FLOAT: &[DataType] = &[DataType::F32];
-const FLOAT_OR_NORMALIZED: &[DataType] = &[DataType::F32, DataType::U8, DataType::U16];
 
 /// Converts meshes within a budget for the whole file.
 pub(super) struct Meshes<'r, 'a> {
@@ -35,6 +33,11 @@ impl<'a> Meshes<'_, 'a> {
             let place = format!("meshes[{}].primitives[{}]", source.index(), primitive.index());
             mesh.primitives.extend(self.primitive(&primitive, &place, warnings)?);
         }
+        let place = format!("meshes[{}]", source.index());
+        self.align_targets(&mut mesh, &place, warnings)?;
+        let weights = source.weights().unwrap_or_default();
+        mesh.morph_weights =
+            deform::weights(self.file, weights, mesh.morph_targets(), &format!("{place}.weights"), warnings)?;
         Ok(mesh)
     }
 
@@ -57,21 +60,24 @@ impl<'a> Meshes<'_, 'a> {
         let material = self.materials.id(&source.material(), warnings)?;
         let count = positions.len();
         let mut primitive = Primitive { positions, indices, material, ..Primitive::default() };
-        primitive.normals = self.stream(source, &Semantic::Normals, FLOAT, count, place)?;
+        let quantized = self.quantized();
+        let directions = if quantized { Format::SIGNED } else { Format::FLOAT };
+        primitive.normals = self.stream(source, &Semantic::Normals, directions, count, place)?;
         primitive.normals.iter_mut().for_each(|n: &mut Vec3| *n = n.clamp(-Vec3::ONE, Vec3::ONE));
-        for set in 0..2 {
-            let semantic = Semantic::TexCoords(set);
-            primitive.uvs[set as usize] =
-                self.stream(source, &semantic, FLOAT_OR_NORMALIZED, count, place)?;
+        let coordinates = if quantized { Format::QUANTIZED } else { Format::UNSIGNED };
+        for (uvs, set) in primitive.uvs.iter_mut().zip(self.materials.uv_sets(material)) {
+            *uvs = self.stream(source, &Semantic::TexCoords(set), coordinates, count, place)?;
         }
         primitive.colors = self.colors(source, count, place)?;
         // Tangents are of use only beside the normals that they were made for.
         if !primitive.normals.is_empty() && self.materials.get(material).normal_texture.is_some() {
-            primitive.tangents = self.stream(source, &Semantic::Tangents, FLOAT, count, place)?;
+            primitive.tangents = self.stream(source, &Semantic::Tangents, directions, count, place)?;
         }
+        self.joints(source, &mut primitive, place, warnings)?;
+        self.morph_targets(source, &mut primitive, place)?;
         mesh::drop_unused_vertices(&mut primitive);
         self.budget
-            .spend(primitive.positions.len(), primitive.indices.len())
+            .spend_primitive(primitive.positions.len(), primitive.indices.len())
             .map_err(|problem| self.file.invalid(place, problem))?;
         self.complete(&mut primitive, place, warnings);
         Ok(Some(primitive))
@@ -89,7 +95,7 @@ impl<'a> Meshes<'_, 'a> {
             let uvs = &mut primitive.uvs[texture.uv_set];
             if uvs.is_empty() {
                 uvs.resize(primitive.positions.len(), Vec2::ZERO);
-                let set = texture.uv_set;
+                let set = self.materials.uv_sets(primitive.material)[texture.uv_set];
                 warnings.add(format!(
                     "{place} has no TEXCOORD_{set}, which its material uses; zeros were filled in"
                 ));
@@ -101,12 +107,18 @@ impl<'a> Meshes<'_, 'a> {
         }
     }
 
+    /// Whether vertices may be integers (KHR_mesh_quantization).
+    pub(super) fn quantized(&self) -> bool {
+        self.file.uses("KHR_mesh_quantization")
+    }
+
     fn positions(&self, source: &::gltf::Primitive<'a>, place: &str) -> Result<Vec<Vec3>, SceneError> {
         let place = format!("{place}.attributes.POSITION");
         let Some(accessor) = source.get(&Semantic::Positions) else {
             return Err(self.file.invalid(place, "it is missing"));
         };
-        let positions = self.accessors.vectors::<3>(&accessor, FLOAT, &place)?;
+        let format = if self.quantized() { Format::QUANTIZED } else { Format::FLOAT };
+        let positions = self.accessors.vectors::<3>(&accessor, format, &place)?;
         if let Some(element) = positions.iter().position(|p| p.iter().any(|x| x.abs() > MAX_COORDINATE)) {
             let problem = format!("element {element} is farther than {MAX_COORDINATE:e} m from the origin");
             return Err(self.file.invalid(place, problem));
@@ -115,27 +127,32 @@ impl<'a> Meshes<'_, 'a> {
     }
 
     /// An optional attribute, empty where the file has none.
-    fn stream<T: From<[f32; N]>, const N: usize>(
+    pub(super) fn stream<T: From<[f32; N]>, const N: usize>(
         &self,
         source: &::gltf::Primitive<'a>,
         semantic: &Semantic,
-        allowed: &[DataType],
+        format: Format,
         count: usize,
         place: &str,
-    ) -> Result<Vec<T>, SceneError>
-    where
-        [f32; N]: ::gltf::accessor::Item,
-        [u8; N]: ::gltf::accessor::Item,
-        [u16; N]: ::gltf::accessor::Item,
-    {
+    ) -> Result<Vec<T>, SceneError> {
         let Some(accessor) = source.get(semantic) else { return Ok(Vec::new()) };
         let place = format!("{place}.attributes.{}", semantic.to_string());
-        let values = self.accessors.vectors::<N>(&accessor, allowed, &place)?;
-        if values.len() != count {
-            let problem = format!("it has {} elements; POSITION has {count}", values.len());
-            return Err(self.file.invalid(place, problem));
-        }
+        self.same_count(&accessor, count, &place)?;
+        let values = self.accessors.vectors::<N>(&accessor, format, &place)?;
         Ok(values.into_iter().map(T::from).collect())
+    }
+
+    /// Refuses a stream that is not as long as the positions.
+    pub(super) fn same_count(
+        &self,
+        accessor: &::gltf::Accessor<'a>,
+        count: usize,
+        place: &str,
+    ) -> Result<(), SceneError> {
+        if accessor.count() == count {
+            return Ok(());
+        }
+        Err(self.file.invalid(place, format!("it has {} elements; POSITION has {count}", accessor.count())))
     }
 
     fn colors(
@@ -147,10 +164,10 @@ impl<'a> Meshes<'_, 'a> {
         let semantic = Semantic::Colors(0);
         let is_rgb = source.get(&semantic).is_some_and(|accessor| accessor.dimensions() == Dimensions::Vec3);
         let colors: Vec<Vec4> = if is_rgb {
-            let rgb: Vec<Vec3> = self.stream(source, &semantic, FLOAT_OR_NORMALIZED, count, place)?;
+            let rgb: Vec<Vec3> = self.stream(source, &semantic, Format::UNSIGNED, count, place)?;
             rgb.into_iter().map(|rgb| rgb.extend(1.0)).collect()
         } else {
-            self.stream(source, &semantic, FLOAT_OR_NORMALIZED, count, place)?
+            self.stream(source, &semantic, Format::UNSIGNED, count, place)?
         };
         Ok(colors.into_iter().map(|c| c.clamp(Vec4::ZERO, Vec4::ONE)).collect())
     }

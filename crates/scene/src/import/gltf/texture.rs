@@ -8,7 +8,8 @@ use glam::{Affine2, Vec2};
 
 use super::super::source::{Decoder, Resource};
 use super::super::warnings::Warnings;
-use super::{File, accessor};
+use super::File;
+use super::buffers::Buffers;
 use crate::{Filter, Id, ImageData, Scene, SceneError, Texture, TextureRef, Wrap};
 
 /// KHR_texture_transform.
@@ -34,10 +35,30 @@ impl Transform {
     }
 }
 
+/// Which of the file's sets of texture coordinates a material uses as its first and its second.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct UvSets([Option<u32>; 2]);
+
+impl UvSets {
+    /// Where the file's TEXCOORD_`set` goes: 0 and 1 to their own places if those are free, any other to a free one.
+    fn slot(&mut self, set: u32) -> Option<usize> {
+        let known = self.0.iter().position(|known| *known == Some(set));
+        let own = (0..2).find(|&slot| slot as u32 == set && self.0[slot].is_none());
+        let slot = known.or(own).or_else(|| self.0.iter().position(Option::is_none))?;
+        self.0[slot] = Some(set);
+        Some(slot)
+    }
+
+    /// The file's sets; where the material uses none, that of the place's number.
+    pub(super) fn sets(self) -> [u32; 2] {
+        [self.0[0].unwrap_or(0), self.0[1].unwrap_or(1)]
+    }
+}
+
 /// The textures and images of one file.
 pub(super) struct Textures<'a> {
     file: File<'a>,
-    buffers: &'a [Vec<u8>],
+    buffers: &'a Buffers,
     decoder: Decoder,
     done: Vec<Texture>,
     images: Vec<ImageData>,
@@ -47,11 +68,11 @@ pub(super) struct Textures<'a> {
 }
 
 impl<'a> Textures<'a> {
-    pub(super) fn new(file: File<'a>, buffers: &'a [Vec<u8>]) -> Self {
+    pub(super) fn new(file: File<'a>, buffers: &'a Buffers) -> Self {
         Self {
             file,
             buffers,
-            decoder: Decoder::default(),
+            decoder: Decoder::new(file.limits),
             done: Vec::new(),
             images: Vec::new(),
             converted: HashMap::new(),
@@ -70,16 +91,17 @@ impl<'a> Textures<'a> {
         index: usize,
         tex_coord: u32,
         transform: Option<Transform>,
+        uv_sets: &mut UvSets,
         place: &str,
         warnings: &mut Warnings,
     ) -> Result<Option<TextureRef>, SceneError> {
-        let uv_set = transform.and_then(|t| t.tex_coord).unwrap_or(tex_coord);
-        if uv_set > 1 {
+        let set = transform.and_then(|t| t.tex_coord).unwrap_or(tex_coord);
+        let Some(uv_set) = uv_sets.slot(set) else {
             warnings.add(format!(
-                "{place} was left out: it uses TEXCOORD_{uv_set}, and only 0 and 1 are supported"
+                "{place} was left out: it uses TEXCOORD_{set}, the material's third set of coordinates"
             ));
             return Ok(None);
-        }
+        };
         let uv_transform = transform.map_or(Affine2::IDENTITY, |t| t.affine());
         if !uv_transform.is_finite() {
             return Err(self.file.invalid(place, "its KHR_texture_transform is not finite"));
@@ -91,7 +113,7 @@ impl<'a> Textures<'a> {
             self.converted.insert(index, texture);
             texture
         };
-        Ok(texture.map(|texture| TextureRef { texture, uv_set: uv_set as usize, uv_transform }))
+        Ok(texture.map(|texture| TextureRef { texture, uv_set, uv_transform }))
     }
 
     fn convert(&mut self, index: usize, warnings: &mut Warnings) -> Result<Option<Id>, SceneError> {
@@ -136,18 +158,18 @@ impl<'a> Textures<'a> {
         let image = &self.file.document.as_json().images[index];
         let (name, bytes) = if let Some(view) = image.buffer_view {
             let view = self.file.document.views().nth(view.value());
-            let bytes = view.and_then(|view| accessor::slice(&view, self.buffers));
+            let bytes = view.and_then(|view| self.buffers.view(&view));
             let bytes = bytes.ok_or_else(|| {
                 self.file.invalid(&*place, "its buffer view reaches past the end of its buffer")
             })?;
             (image.name.clone().unwrap_or_else(|| place.clone()), bytes.to_vec())
         } else if let Some(uri) = &image.uri {
-            let resource = Resource::resolve(self.file.path, uri, &place)?;
+            let resource = Resource::resolve(self.file.files, self.file.path, uri, &place)?;
             let name = match &resource {
                 Resource::File(path) => path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
                 Resource::Data(_) => image.name.clone().unwrap_or_else(|| place.clone()),
             };
-            (name, resource.into_bytes()?)
+            (name, resource.into_bytes(self.file.files)?)
         } else {
             return Err(self.file.invalid(place, "it has neither a URI nor a buffer view"));
         };

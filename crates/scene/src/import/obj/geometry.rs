@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::super::Budget;
+use super::super::limits::{Budget, Limits};
 use super::super::warnings::Warnings;
 use super::material::Materials;
 use crate::{Mesh, Primitive, SceneError, mesh};
@@ -16,11 +16,12 @@ const CREASE_RAD: f32 = 40.0_f32.to_radians();
 /// One mesh for each object or group, with one primitive for each of its materials.
 pub(super) fn meshes(
     path: &Path,
+    limits: &Limits,
     models: Vec<tobj::Model>,
     materials: &mut Materials<'_>,
     warnings: &mut Warnings,
 ) -> Result<Vec<Mesh>, SceneError> {
-    let mut budget = Budget::default();
+    let mut budget = Budget::new(limits);
     let mut meshes: Vec<Mesh> = Vec::new();
     let mut models = models.into_iter().filter(|model| !model.mesh.indices.is_empty()).peekable();
     while let Some(model) = models.next() {
@@ -33,7 +34,7 @@ pub(super) fn meshes(
         }
         for part in parts {
             let part = primitive(&part, materials.id(part.material_id, warnings));
-            budget.spend(part.positions.len(), part.indices.len()).map_err(|problem| {
+            budget.spend_primitive(part.positions.len(), part.indices.len()).map_err(|problem| {
                 SceneError::Invalid { path: path.to_owned(), place: format!("group `{name}`"), problem }
             })?;
             match primitives.iter_mut().find(|p| p.material == part.material) {

@@ -7,6 +7,7 @@ use std::collections::HashMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use super::super::files::Files;
 use super::super::source;
 use super::super::warnings::Warnings;
 use super::guard::Checked;
@@ -28,13 +29,14 @@ pub(super) struct Library {
 }
 
 /// Loads every library that the OBJ file at `path` names; what is missing or malformed becomes a warning.
-pub(super) fn load(path: &Path, named: &[String], warnings: &mut Warnings) -> Library {
+pub(super) fn load(files: &dyn Files, path: &Path, named: &[String], warnings: &mut Warnings) -> Library {
     let directory = path.parent().unwrap_or(Path::new(""));
     let mut text = String::new();
     let mut directories = Vec::new();
-    let files: Vec<PathBuf> = named.iter().flat_map(|names| find(directory, names, warnings)).collect();
-    for file in files {
-        match source::read_file(&file) {
+    let found: Vec<PathBuf> =
+        named.iter().flat_map(|names| find(files, directory, names, warnings)).collect();
+    for file in found {
+        match source::read_file(files, &file) {
             Ok(bytes) => {
                 let name = file.file_name().unwrap_or_default().to_string_lossy();
                 rewrite(&mut text, &name, directories.len(), &String::from_utf8_lossy(&bytes), warnings);
@@ -54,14 +56,14 @@ pub(super) fn load(path: &Path, named: &[String], warnings: &mut Warnings) -> Li
 
 /// The files that an `mtllib` line names: the line is one name with spaces, or several, whose spaces a backslash
 /// escapes.
-fn find(directory: &Path, names: &str, warnings: &mut Warnings) -> Vec<PathBuf> {
-    if let Some(file) = map::find_file(directory, names) {
+fn find(files: &dyn Files, directory: &Path, names: &str, warnings: &mut Warnings) -> Vec<PathBuf> {
+    if let Some(file) = map::find_file(files, directory, names) {
         return vec![file];
     }
     let mut found = Vec::new();
     for name in names.replace("\\ ", "\0").split_whitespace() {
         let name = name.replace('\0', " ");
-        match map::find_file(directory, &name) {
+        match map::find_file(files, directory, &name) {
             Some(file) => found.push(file),
             None => warnings.add(format!("the material library `{name}` was not found")),
         }

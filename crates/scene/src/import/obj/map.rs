@@ -1,8 +1,10 @@
 //! `map_…` lines: options, and finding the file that they name.
 
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use glam::{Affine2, Vec2};
+
+use super::super::files::Files;
 
 /// A texture as a material names it.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,33 +77,15 @@ impl Map {
 
 /// Finds the file `name` below `directory`, as written by any system: with backslashes, in the wrong case, or by a
 /// path that made sense on the author's machine only, of which the last part is tried.
-pub(super) fn find_file(directory: &Path, name: &str) -> Option<PathBuf> {
+pub(super) fn find_file(files: &dyn Files, directory: &Path, name: &str) -> Option<PathBuf> {
     if name.is_empty() || name.contains('\0') {
         return None;
     }
     let name = name.replace('\\', "/");
     let relative = Path::new(&name);
     let is_relative = !name.contains(':') && relative.is_relative();
-    let as_named = is_relative.then(|| descend(directory, relative)).flatten();
-    as_named.or_else(|| descend(directory, Path::new(relative.file_name()?)))
-}
-
-/// `directory`/`relative` if that is a file; each component in its exact case or, failing that, in any.
-fn descend(directory: &Path, relative: &Path) -> Option<PathBuf> {
-    let mut path = directory.to_owned();
-    for component in relative.components() {
-        match component {
-            Component::Normal(name) if !path.join(name).exists() => {
-                let folder = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
-                let wanted = name.to_string_lossy().to_lowercase();
-                let names = std::fs::read_dir(folder).ok()?.filter_map(|entry| Some(entry.ok()?.file_name()));
-                // The least, so that the choice does not depend on the file system's order.
-                path.push(names.filter(|name| name.to_string_lossy().to_lowercase() == wanted).min()?);
-            }
-            other => path.push(other),
-        }
-    }
-    path.is_file().then_some(path)
+    let as_named = is_relative.then(|| files.find(directory, relative)).flatten();
+    as_named.or_else(|| files.find(directory, Path::new(relative.file_name()?)))
 }
 
 #[cfg(test)]

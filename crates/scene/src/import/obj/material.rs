@@ -13,6 +13,8 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use image::{DynamicImage, RgbaImage, imageops};
 
+use super::super::files::Files;
+use super::super::limits::Limits;
 use super::super::source::{self, Decoder};
 use super::super::warnings::Warnings;
 use super::bump;
@@ -42,6 +44,7 @@ enum Use {
 
 /// The materials of one OBJ file; those that are used, converted when they first are.
 pub(super) struct Materials<'a> {
+    files: &'a dyn Files,
     directory: &'a Path,
     library: &'a Library,
     converted: HashMap<Option<usize>, Id>,
@@ -54,8 +57,9 @@ pub(super) struct Materials<'a> {
 }
 
 impl<'a> Materials<'a> {
-    pub(super) fn new(path: &'a Path, library: &'a Library) -> Self {
+    pub(super) fn new(files: &'a dyn Files, limits: &Limits, path: &'a Path, library: &'a Library) -> Self {
         Self {
+            files,
             directory: path.parent().unwrap_or(Path::new("")),
             library,
             converted: HashMap::new(),
@@ -63,7 +67,7 @@ impl<'a> Materials<'a> {
             textures: Vec::new(),
             images: Vec::new(),
             decoded: HashMap::new(),
-            decoder: Decoder::default(),
+            decoder: Decoder::new(limits),
         }
     }
 
@@ -209,8 +213,8 @@ impl<'a> Materials<'a> {
 
     /// The texture's file, relative to its material library or else to the OBJ.
     fn find(&self, map: &Map, source: &tobj::Material, warnings: &mut Warnings) -> Option<PathBuf> {
-        let beside_library = map::find_file(self.library.directory(source), &map.file);
-        let found = beside_library.or_else(|| map::find_file(self.directory, &map.file));
+        let beside_library = map::find_file(self.files, self.library.directory(source), &map.file);
+        let found = beside_library.or_else(|| map::find_file(self.files, self.directory, &map.file));
         if found.is_none() {
             warnings.add(format!("the texture `{}` of material `{}` was not found", map.file, source.name));
         }
@@ -219,8 +223,9 @@ impl<'a> Materials<'a> {
 
     /// An image, and whether its alpha varies; the error says what is wrong with it.
     fn decode(&mut self, file: &Path, used_as: &Use) -> Result<(ImageData, bool), String> {
+        let files = self.files;
         let mut open = |file: &Path| -> Result<DynamicImage, String> {
-            let bytes = source::read_file(file).map_err(|error| error.to_string())?;
+            let bytes = source::read_file(files, file).map_err(|error| error.to_string())?;
             self.decoder.decode_dynamic(&bytes, &file.to_string_lossy())
         };
         let image = open(file)?;

@@ -14,29 +14,36 @@ mod polygon;
 
 use std::path::Path;
 
+use super::files::Files;
 use super::warnings::Warnings;
-use super::{check_world, scene_name, source};
+use super::{LoadOptions, only_scene, reach, scene_name, source};
 use crate::{Node, Scene, SceneError, Transform};
 
 /// Loads an `.obj` file and the material libraries that it names.
-pub(super) fn load(path: &Path) -> Result<Scene, SceneError> {
-    from_bytes(path, &source::read_file(path)?)
+pub(super) fn load(files: &dyn Files, path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
+    from_bytes(files, path, &source::read_file(files, path)?, options)
 }
 
 /// Loads a scene from the content of the file `path`, relative to which other files are found.
-pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError> {
+pub(super) fn from_bytes(
+    files: &dyn Files,
+    path: &Path,
+    bytes: &[u8],
+    options: &LoadOptions,
+) -> Result<Scene, SceneError> {
+    only_scene(path, options)?;
     let mut warnings = Warnings::default();
     let checked = guard::check(path, &String::from_utf8_lossy(bytes), &mut warnings)?;
-    let library = library::load(path, &checked.libraries, &mut warnings);
+    let library = library::load(files, path, &checked.libraries, &mut warnings);
     for name in &checked.materials {
         if !library.contains(name) {
             warnings.add(format!("the material `{name}` is in no material library; the default stands in"));
         }
     }
     let models = library.parse(path, &checked)?;
-    let mut materials = material::Materials::new(path, &library);
+    let mut materials = material::Materials::new(files, &options.limits, path, &library);
     let mut scene = Scene { name: scene_name(path), ..Scene::default() };
-    for mesh in geometry::meshes(path, models, &mut materials, &mut warnings)? {
+    for mesh in geometry::meshes(path, &options.limits, models, &mut materials, &mut warnings)? {
         let (name, mesh_id) = (mesh.name.clone(), scene.meshes.len());
         scene.meshes.push(mesh);
         scene.nodes.push(Node {
@@ -48,7 +55,7 @@ pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError>
     }
     materials.finish(&mut scene);
     scene.warnings = warnings.into_messages();
-    check_world(path, &scene)?;
+    reach::check(path, &scene)?;
     Ok(scene)
 }
 

@@ -48,8 +48,7 @@ fn every_khronos_stanford_and_own_scene_loads_or_is_refused_by_extension() {
     let files: Vec<PathBuf> = folders.iter().flat_map(|folder| scene_files(&shared.join(folder))).collect();
     assert!(files.len() > 40, "only {} files", files.len());
     for path in files {
-        // Mesh compression and quantization come with a later issue.
-        let refused = ["glTF-Draco", "glTF-Quantized"].iter().any(|part| path.iter().any(|p| p == *part));
+        let refused = ["glTF-Draco"].iter().any(|part| path.iter().any(|p| p == *part));
         match load_path(&path) {
             Ok(scene) => {
                 assert!(!refused, "{} should be refused", path.display());

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::super::gltf::from_bytes;
 use super::gltf::{glb, square_document};
+use super::gltf_bytes as from_bytes;
 use crate::SceneError;
 
 /// Loads the square's document after one replacement in its JSON; the result must be an error that names `place`.

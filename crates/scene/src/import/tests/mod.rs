@@ -1,12 +1,29 @@
 //! What import promises, on documents made here and on the shared assets.
 
+mod animation;
 mod assets;
+mod deform;
+mod document;
 mod gltf;
 mod gltf_malformed;
+mod limits;
 mod obj;
+mod vertices;
 
-use super::load;
-use crate::SceneError;
+use std::path::Path;
+
+use super::{Disk, LoadOptions, load};
+use crate::{Scene, SceneError};
+
+/// Loads glTF bytes as if they were the file `path`.
+fn gltf_bytes(path: &Path, bytes: Vec<u8>) -> Result<Scene, SceneError> {
+    super::gltf::from_bytes(&Disk, path, bytes, &LoadOptions::default())
+}
+
+/// Loads OBJ text as if it were the file `path`.
+fn obj_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError> {
+    super::obj::from_bytes(&Disk, path, bytes, &LoadOptions::default())
+}
 
 #[test]
 fn other_extensions_are_refused_by_what_would_do() {

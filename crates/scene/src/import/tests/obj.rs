@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::super::obj::from_bytes;
+use super::obj_bytes as from_bytes;
 use crate::invariants::assert_sound;
 use crate::{AlphaMode, Reflection, Scene, SceneError};
 

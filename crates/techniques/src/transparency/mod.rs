@@ -1,0 +1,267 @@
+//! See-through surfaces: alpha blending and transmission, in any order and number of layers up to a limit.
+//!
+//! Opaque surfaces are rendered first. Then see-through ones are peeled into layers, the nearest first (Everitt 2001,
+//! "Interactive Order-Independent Transparency"): each layer is a visibility buffer of its own. From the farthest to the
+//! nearest a layer is resolved and lit like an opaque surface and laid over a copy of the picture so far, which is also
+//! what refraction and frosted glass look up. Sorted by pixel, not by object, and the same every time.
+//!
+//! | input | output | format | unit |
+//! | --- | --- | --- | --- |
+//! | camera's draw list, opaque depth | layers' visibility and depth | R32Uint, Depth32Float | as the surface buffer |
+//! | those, lights, shadows, picture so far | the same picture, changed | Rgba16Float | nits · radiance scale |
+//!
+//! Limits and stated biases: what lies behind the last layer (`surface.layers`) is opaque only; of surfaces in exactly one
+//! plane one is seen. The surface buffer and everything made of it (AOVs) hold opaque surfaces only. Refraction bends
+//! the ray once, at the surface, for the material's thickness, and finds only what the picture shows (Morgan
+//! McGuire & Mara 2017 call it screen-space refraction): what is hidden or off the picture is replaced by the
+//! environment, or without one by the picture's edge; neighbours may already hold nearer layers. Frosted glass blurs by
+//! 16 taps of mips. Lights do not shine through a surface: they are seen through it. Shadows are full behind
+//! transmission, and masked at half alpha behind blending. Under MSAA layers are sampled once a pixel; jittered frames
+//! smooth them.
+//!
+//! Cost: nothing without see-through materials. With them per layer, full of surfaces or empty: 8 bytes a pixel of
+//! memory, one raster pass over the see-through triangles, and about 40 bytes a pixel of bandwidth; where a layer shows
+//! something, 48 bytes a pixel more and its lighting.
+
+use chiaro_gpu::shader::Library;
+use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
+use chiaro_gpu::{
+    Attachment, Binding, Buffer, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group,
+    GroupLayout, Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
+};
+
+use crate::direct::{Permutations, lighting_binds};
+use crate::shaders::{self, Layer};
+use crate::shadow::ShadowOutputs;
+use crate::surface::culling::{DEPTH_COMPARE, DrawLists, draw_classes};
+use crate::surface::scene::{KINDS, SEE_THROUGH};
+use crate::surface::{SceneGpu, cull_mode};
+
+/// Sides of the copied picture are multiples of this, so that all its mips are exact halves.
+const BLOCK: u32 = 64;
+/// Mips of the copied picture: down to one texel a block.
+const MIPS: u32 = 7;
+
+/// The passes.
+#[derive(Debug)]
+pub struct Transparency {
+    // The first layer, and those behind another.
+    peel: [[RenderPipeline; KINDS]; 2],
+    resolve: [ComputePipeline; 2],
+    behind: [ComputePipeline; 2],
+    shade: [ComputePipeline; 2],
+    sampler: wgpu::Sampler,
+    permutations: Permutations,
+    indexed: bool,
+    buffers: Option<Buffers>,
+}
+
+#[derive(Debug)]
+struct Buffers {
+    // Visibility and depth, from the nearest.
+    layers: Vec<(Texture, Texture)>,
+    surface: Texture,
+    through: Texture,
+    emissive: Option<Texture>,
+    behind: Texture,
+}
+
+impl Transparency {
+    /// Compiles the passes.
+    ///
+    /// # Errors
+    /// When a shader does not compile.
+    pub fn new(
+        gpu: &Gpu,
+        library: &Library,
+        frame_layout: &GroupLayout,
+        scene_layout: &GroupLayout,
+        permutations: Permutations,
+    ) -> Result<Self, GpuError> {
+        let shared = &[frame_layout, scene_layout];
+        let materials = permutations.facts.constants();
+        let indexed = gpu.optional.primitive_index;
+        let target = [wgpu::ColorTargetState {
+            format: TextureFormat::R32Uint,
+            blend: None,
+            write_mask: wgpu::ColorWrites::ALL,
+        }];
+        let peel = |layer: Layer, kind: usize| {
+            let masked = kind & 2 != 0;
+            let mut constants = materials.to_vec();
+            constants.truncate(if masked { 2 } else { 0 });
+            if indexed {
+                constants.push(("CLASS", (SEE_THROUGH.start + kind) as f64));
+            }
+            let options = RenderPipelineOptions {
+                targets: &target,
+                depth: Some((TextureFormat::Depth32Float, DEPTH_COMPARE)),
+                cull: cull_mode(kind),
+                constants: &constants,
+                ..Default::default()
+            };
+            RenderPipeline::new(gpu, library, &shaders::visibility(indexed, masked, layer), shared, &options)
+        };
+        let peels = |layer| Ok([peel(layer, 0)?, peel(layer, 1)?, peel(layer, 2)?, peel(layer, 3)?]);
+        let resolve =
+            |glows| ComputePipeline::new(gpu, library, &shaders::resolve(glows, true), shared, &materials);
+        let behind = |whole| ComputePipeline::new(gpu, library, &shaders::behind(whole), &[], &[]);
+        let constants = permutations.constants();
+        let shade =
+            |glows| ComputePipeline::new(gpu, library, &shaders::shade_layer(glows), shared, &constants);
+        Ok(Self {
+            peel: [peels(Layer::First)?, peels(Layer::Next)?],
+            resolve: [resolve(false)?, resolve(true)?],
+            behind: [behind(true)?, behind(false)?],
+            shade: [shade(false)?, shade(true)?],
+            sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+                label: Some("behind"),
+                mag_filter: wgpu::FilterMode::Linear,
+                min_filter: wgpu::FilterMode::Linear,
+                mipmap_filter: wgpu::MipmapFilterMode::Linear,
+                ..Default::default()
+            }),
+            permutations,
+            indexed,
+            buffers: None,
+        })
+    }
+
+    /// What the passes were compiled for.
+    pub fn permutations(&self) -> Permutations {
+        self.permutations
+    }
+
+    /// Makes room for so many layers of a scene at a picture size; for none where nothing is see-through. Not inside a
+    /// frame.
+    pub fn reserve(&mut self, gpu: &Gpu, pool: &TexturePool, scene: &SceneGpu, size: [u32; 2], layers: u32) {
+        if !scene.see_through() {
+            self.buffers = None;
+            return;
+        }
+        let [width, height] = size;
+        let same = |b: &Buffers| {
+            let o = b.surface.options();
+            [o.width, o.height] == size
+                && b.layers.len() == layers as usize
+                && b.emissive.is_some() == scene.glows
+        };
+        if self.buffers.as_ref().is_some_and(same) {
+            return;
+        }
+        let sampled = TextureUsages::TEXTURE_BINDING;
+        let lend = |name, format, usage| {
+            pool.lend(gpu, name, Life::Frame, TextureOptions::new(width, height, format, sampled | usage))
+        };
+        let (attachment, storage) = (TextureUsages::RENDER_ATTACHMENT, TextureUsages::STORAGE_BINDING);
+        let [wide, high] = size.map(|side| side.next_multiple_of(BLOCK));
+        let copy = TextureOptions::new(wide, high, TextureFormat::Rgba16Float, sampled | storage);
+        let layer = |_| {
+            (
+                lend("layer_visibility", TextureFormat::R32Uint, attachment),
+                lend("layer_depth", TextureFormat::Depth32Float, attachment),
+            )
+        };
+        self.buffers = Some(Buffers {
+            layers: (0..layers).map(layer).collect(),
+            surface: lend("layer_surface", TextureFormat::Rgba32Uint, storage),
+            through: lend("layer_through", TextureFormat::Rgba32Uint, storage),
+            emissive: scene.glows.then(|| lend("layer_emissive", TextureFormat::Rgba16Float, storage)),
+            behind: pool.lend(gpu, "behind", Life::Frame, TextureOptions { mips: MIPS, ..copy }),
+        });
+    }
+
+    /// Lays the see-through surfaces over `radiance`, the picture of what is opaque with its depth.
+    ///
+    /// # Panics
+    /// When [`Transparency::reserve`] was not called for this scene.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        (frame_group, scene): (&Group, &SceneGpu),
+        lists: &DrawLists,
+        (shadows, light_grid): (&ShadowOutputs, &Buffer),
+        opaque_depth: &Texture,
+        radiance: &Texture,
+    ) {
+        let Some(buffers) = &self.buffers else { panic!("transparency: no room reserved") };
+        let shared: &[&Group] = &[frame_group, scene.group()];
+        for number in 0..buffers.layers.len() {
+            self.record_peel(frame, shared, lists, (buffers, number), opaque_depth);
+        }
+        let glows = usize::from(buffers.emissive.is_some());
+        let options = buffers.surface.options();
+        let pixels = Dispatch::Threads([options.width, options.height, 1]);
+        for (visibility, depth) in buffers.layers.iter().rev() {
+            let mut binds = vec![
+                ("visibility", visibility.into()),
+                ("surface", (&buffers.surface).into()),
+                ("through", (&buffers.through).into()),
+            ];
+            binds.extend(buffers.emissive.as_ref().map(|emissive| ("emissive", emissive.into())));
+            let resolve = [&binds[..], &[("draw_list", (&lists.list).into())]].concat();
+            frame.compute("transparency/resolve", &self.resolve[glows], shared, &resolve, pixels);
+            self.record_behind(frame, radiance, &buffers.behind);
+            binds.extend(lighting_binds(shadows, light_grid));
+            binds.extend([
+                ("depth", depth.into()),
+                ("opaque_depth", opaque_depth.into()),
+                ("behind", (&buffers.behind).into()),
+                ("behind_sampler", (&self.sampler).into()),
+                ("radiance", radiance.into()),
+            ]);
+            frame.compute("transparency/shade", &self.shade[glows], shared, &binds, pixels);
+        }
+    }
+
+    fn record_peel(
+        &self,
+        frame: &mut Frame<'_>,
+        shared: &[&Group],
+        lists: &DrawLists,
+        (buffers, number): (&Buffers, usize),
+        opaque_depth: &Texture,
+    ) {
+        let (visibility, depth) = &buffers.layers[number];
+        let targets = Targets {
+            color: &[Attachment {
+                texture: visibility,
+                clear: Some(wgpu::Color::TRANSPARENT),
+                resolve: None,
+            }],
+            depth: Some(DepthAttachment { texture: depth, layer: 0, clear: Some(0.0) }),
+        };
+        let mut binds = vec![
+            ("draw_arguments", (&lists.arguments).into()),
+            ("draw_list", (&lists.list).into()),
+            ("opaque_depth", opaque_depth.into()),
+        ];
+        let before = number.checked_sub(1).map(|before| &buffers.layers[before].1);
+        binds.extend(before.map(|depth| ("front_depth", depth.into())));
+        frame.render("transparency/peel", targets, |pass| {
+            let pipelines = &self.peel[usize::from(number > 0)];
+            draw_classes(pass, pipelines, SEE_THROUGH, shared, &binds, (lists, 0, self.indexed));
+        });
+    }
+
+    /// Copies the picture so far, and makes its mips in two steps of at most four.
+    fn record_behind(&self, frame: &mut Frame<'_>, radiance: &Texture, behind: &Texture) {
+        let options = behind.options();
+        let threads = |shift: u32| Dispatch::Threads([options.width >> shift, options.height >> shift, 1]);
+        let fine = [
+            ("source", radiance.into()),
+            ("whole", Binding::Mip(behind, 0)),
+            ("half", Binding::Mip(behind, 1)),
+            ("quarter", Binding::Mip(behind, 2)),
+            ("eighth", Binding::Mip(behind, 3)),
+        ];
+        frame.compute("transparency/behind", &self.behind[0], &[], &fine, threads(0));
+        let coarse = [
+            ("source", Binding::Mip(behind, 3)),
+            ("half", Binding::Mip(behind, 4)),
+            ("quarter", Binding::Mip(behind, 5)),
+            ("eighth", Binding::Mip(behind, 6)),
+        ];
+        frame.compute("transparency/behind_coarse", &self.behind[1], &[], &coarse, threads(3));
+    }
+}
