@@ -162,6 +162,9 @@ pub struct ViewArgs {
     /// The settings
     #[command(flatten)]
     pub settings: SettingsArgs,
+    /// Shaders (.wesl) that take the place of the built-in ones and are read again whenever they change [default: crates/techniques/src, where there is one]
+    #[arg(long, value_name = "FOLDER")]
+    pub shaders: Option<PathBuf>,
 }
 
 /// `chiaro bench`

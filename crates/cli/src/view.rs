@@ -1,12 +1,15 @@
 //! `chiaro view`
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use chiaro_viewer::{Options, StartCamera};
 
 use crate::args::ViewArgs;
 use crate::session::{own_view, scene_name, settings};
+
+/// Where the shaders lie in a checkout of chiaro.
+const SOURCES: &str = "crates/techniques/src";
 
 pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
     let scene = scene_name(&args.scene);
@@ -20,5 +23,11 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
     };
     let size = [args.scene.size.width, args.scene.size.height];
     let environment = args.scene.environment.clone();
-    Ok(chiaro_viewer::run(Options { scene, environment, settings: settings(&args.settings)?, camera, size })?)
+    let settings = settings(&args.settings)?;
+    let shaders = match &args.shaders {
+        Some(folder) if !folder.is_dir() => bail!("--shaders {}: there is no such folder", folder.display()),
+        Some(folder) => Some(folder.clone()),
+        None => Some(PathBuf::from(SOURCES)).filter(|folder| folder.is_dir()),
+    };
+    Ok(chiaro_viewer::run(Options { scene, environment, settings, camera, size, shaders })?)
 }

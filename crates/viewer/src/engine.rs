@@ -1,6 +1,6 @@
 //! The renderer with the passes that make its frames visible, and how both are compiled beside the frame.
 
-use chiaro::techniques::post::{Accumulator, AovPass, Display};
+use chiaro::techniques::post::{Accumulator, AovPass, DebugView, Display};
 use chiaro::{Built, Error, Gpu, GpuError, Kit, Plan, Renderer, Settings};
 
 use chiaro::techniques::direct::Permutations;
@@ -12,6 +12,8 @@ pub struct PicturePasses {
     pub accumulator: Accumulator,
     /// Exposes and tone-maps.
     pub display: Display,
+    /// Shows buffers.
+    pub debug: DebugView,
     /// Shows single quantities.
     pub aov: AovPass,
 }
@@ -21,6 +23,7 @@ impl PicturePasses {
         Ok(Self {
             accumulator: Accumulator::new(&kit.gpu, &kit.library)?,
             display: Display::new(&kit.gpu, &kit.library)?,
+            debug: DebugView::new(&kit.gpu, &kit.library, &kit.frame_layout)?,
             aov: aov(kit, permutations)?,
         })
     }

@@ -9,13 +9,16 @@
 //! # Ok::<(), chiaro_viewer::ViewerError>(())
 //! ```
 
+mod buffers;
 mod camera;
 mod engine;
 mod error;
+mod files;
 mod jobs;
 mod panel;
 mod picture;
 mod playback;
+mod reload;
 mod shell;
 mod stage;
 mod timings;

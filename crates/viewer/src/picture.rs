@@ -4,6 +4,7 @@ use chiaro::techniques::post::{Display, Sum};
 use chiaro::{Frame, Gpu, Jitter, Pixels, Readback, Settings, Texture, TexturePool, View};
 use glam::Vec2;
 
+use crate::buffers::{self, Drawn, Place, Shown};
 use crate::engine::Engine;
 use crate::stage::Stage;
 
@@ -20,6 +21,7 @@ struct Key {
     scene: u64,
     time_s: f64,
     generation: u64,
+    shown: Shown,
 }
 
 /// Textures of the picture and what lies in them.
@@ -29,6 +31,9 @@ pub struct Picture {
     pool: TexturePool,
     textures: Option<(Sum, Texture)>,
     key: Option<Key>,
+    // Scratch and picture of the buffer that is shown.
+    buffer: Option<(Sum, Texture)>,
+    drawn: Option<Drawn>,
     // The sum holds a frame of a picture that moved, taken without jitter.
     moved: bool,
 }
@@ -36,12 +41,30 @@ pub struct Picture {
 impl Picture {
     /// Nothing to show yet.
     pub fn new(gpu: &Gpu) -> Self {
-        Self { gpu: gpu.clone(), pool: TexturePool::default(), textures: None, key: None, moved: false }
+        Self {
+            gpu: gpu.clone(),
+            pool: TexturePool::default(),
+            textures: None,
+            key: None,
+            buffer: None,
+            drawn: None,
+            moved: false,
+        }
     }
 
     /// The picture, 8-bit sRGB.
     pub fn texture(&self) -> Option<&Texture> {
         self.textures.as_ref().map(|(_, picture)| picture)
+    }
+
+    /// What the buffer that is shown turned out to be.
+    pub fn drawn(&self) -> Option<Drawn> {
+        self.drawn
+    }
+
+    /// The texture that buffers are drawn to.
+    pub fn buffer_texture(&self) -> Option<&Texture> {
+        self.buffer.as_ref().map(|(_, picture)| picture)
     }
 
     /// Frames averaged.
@@ -59,6 +82,8 @@ impl Picture {
             return false;
         }
         self.textures = None;
+        self.buffer = None;
+        self.drawn = None;
         self.pool.trim();
         let picture = Display::picture(&self.gpu, &self.pool, size_px);
         self.textures = Some((Sum::new(&self.gpu, &self.pool, size_px), picture));
@@ -67,13 +92,20 @@ impl Picture {
     }
 
     /// Whether a frame would change anything.
-    pub fn wants_frame(&mut self, engine: &Engine, stage: &Stage, view: &View, time_s: f64) -> bool {
+    pub fn wants_frame(
+        &mut self,
+        engine: &Engine,
+        stage: &Stage,
+        view: &View,
+        (time_s, shown): (f64, Shown),
+    ) -> bool {
         let key = Key {
             view: *view,
             settings: engine.renderer.settings().clone(),
             scene: stage.loaded.gpu.id(),
             time_s,
             generation: engine.generation,
+            shown,
         };
         let Some((sum, _)) = &mut self.textures else { return false };
         if self.key.as_ref() != Some(&key) {
@@ -101,22 +133,55 @@ impl Picture {
         (jitter.offset_px(index), jitter.footprint_scale())
     }
 
-    /// Records a frame, its sum and its picture.
-    pub fn record(&mut self, frame: &mut Frame<'_>, engine: &mut Engine, stage: &Stage, view: &View) {
+    /// Makes room for a buffer's picture; `true` when it is another texture than before.
+    pub fn show_buffer(&mut self, place: Place) -> bool {
+        let Some((_, picture)) = self.textures.as_ref().filter(|_| place != Place::Off) else {
+            self.drawn = None;
+            return false;
+        };
+        if self.buffer.is_some() {
+            return false;
+        }
+        let options = picture.options();
+        let size_px = [options.width, options.height];
+        let picture = Display::picture(&self.gpu, &self.pool, size_px);
+        self.buffer = Some((Sum::new(&self.gpu, &self.pool, size_px), picture));
+        true
+    }
+
+    /// Records a frame, its sum and its picture, and the buffer that is shown.
+    pub fn record(
+        &mut self,
+        frame: &mut Frame<'_>,
+        engine: &mut Engine,
+        (stage, view): (&Stage, &View),
+        shown: Shown,
+    ) {
         let (jitter_px, footprint_scale) = self.jitter();
         let Some((sum, picture)) = &mut self.textures else { return };
         let Engine { renderer, passes, .. } = engine;
         let options = picture.options();
         let size_px = [options.width, options.height];
         renderer.prepare(&stage.loaded, view, size_px, jitter_px, footprint_scale);
-        let outputs = renderer.frame(frame, &stage.loaded, false);
+        let buffer = self.buffer.as_mut().filter(|_| shown.place != Place::Off);
+        let outputs = renderer.frame(frame, &stage.loaded, buffer.is_some());
         passes.accumulator.record(frame, &outputs.radiance, 1.0 / stage.loaded.radiance_scale, sum);
         passes.display.record(frame, &renderer.settings().camera, sum, picture);
+        if let Some((scratch, picture)) = buffer {
+            self.drawn = Some(buffers::draw(frame, engine, stage, &outputs, shown, (scratch, picture)));
+        }
     }
 
     /// A copy of the picture and of its radiance (nits summed over the frames) on their way to the CPU.
-    pub fn read(&self) -> Option<Result<Shot, chiaro::GpuError>> {
+    ///
+    /// # Errors
+    /// When it is too large to be read.
+    pub fn read(&self, shown: Shown) -> Option<Result<Shot, chiaro::GpuError>> {
         let (sum, picture) = self.textures.as_ref()?;
+        let picture = match &self.buffer {
+            Some((_, buffer)) if shown.place == Place::Full => buffer,
+            _ => picture,
+        };
         let start = || {
             Ok(Shot {
                 picture: Readback::start(&self.gpu, picture)?,
@@ -138,7 +203,7 @@ pub struct Shot {
 
 /// A screenshot that has arrived.
 #[derive(Debug)]
-pub struct Shown {
+pub struct Pair {
     /// 8-bit sRGB.
     pub picture: Pixels,
     /// Rgba32Float, nits summed over `frames`.
@@ -152,9 +217,9 @@ impl Shot {
     ///
     /// # Errors
     /// When the device was lost meanwhile.
-    pub fn poll(&self, gpu: &Gpu) -> Result<Option<Shown>, chiaro::GpuError> {
+    pub fn poll(&self, gpu: &Gpu) -> Result<Option<Pair>, chiaro::GpuError> {
         let (picture, radiance) = (self.picture.poll(gpu)?, self.radiance.poll(gpu)?);
-        let shown = picture.zip(radiance);
-        Ok(shown.map(|(picture, radiance)| Shown { picture, radiance, frames: self.frames }))
+        let both = picture.zip(radiance);
+        Ok(both.map(|(picture, radiance)| Pair { picture, radiance, frames: self.frames }))
     }
 }

@@ -27,8 +27,11 @@ impl Stage {
     ///
     /// # Errors
     /// When it cannot be read, or does not fit the adapter.
-    pub fn load(kit: &Kit, source: &str) -> Result<Self, Error> {
+    pub fn load(kit: &Kit, source: &str, environment: Option<&str>) -> Result<Self, Error> {
         let mut scene = scene::load(source)?;
+        if let Some(file) = environment {
+            scene.environment = Some(chiaro::environment::load(file, &mut scene.warnings)?);
+        }
         scene.add_default_view();
         let loaded = kit.upload(&scene)?;
         let file = source.strip_prefix("builtin:").unwrap_or(source);

@@ -1,16 +1,20 @@
 //! The viewer without its window.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
-use chiaro::{Gpu, GpuError, Recorder, Settings, View, wgpu};
+use chiaro::{Gpu, GpuError, Library, Recorder, Settings, View, wgpu};
 use egui_wgpu::ScreenDescriptor;
 
+use crate::buffers::Place;
 use crate::camera::FlyCamera;
 use crate::engine::{Engine, Rebuilt};
+use crate::files;
 use crate::jobs::Jobs;
 use crate::panel::{Notices, PanelState};
-use crate::picture::Picture;
+use crate::picture::{Picture, Shot};
 use crate::playback::Playback;
+use crate::reload::ShaderFiles;
 use crate::stage::Stage;
 use crate::timings::TimingHistory;
 
@@ -31,21 +35,27 @@ pub enum StartCamera {
 pub struct Options {
     /// A scene file, or `builtin:NAME`.
     pub scene: String,
+    /// A picture of the surroundings that takes the place of the scene's own.
+    pub environment: Option<PathBuf>,
     /// Settings.
     pub settings: Settings,
     /// Camera.
     pub camera: StartCamera,
     /// Size of the window's inside, in pixels.
     pub size: [u32; 2],
+    /// A folder of WESL files that take the place of the built-in shaders, and are read again when they change.
+    pub shaders: Option<PathBuf>,
 }
 
 impl Default for Options {
     fn default() -> Self {
         Self {
             scene: format!("builtin:{}", chiaro::scene::builtin::DEFAULT),
+            environment: None,
             settings: Settings::default(),
             camera: StartCamera::First,
             size: [1280, 800],
+            shaders: None,
         }
     }
 }
@@ -90,7 +100,15 @@ impl std::fmt::Debug for Outcome {
 pub(crate) enum Report {
     Started(Result<Box<Engine>, String>),
     Loaded(Result<Box<Stage>, String>),
-    Rebuilt(Result<Box<Rebuilt>, String>),
+    Rebuilt(Result<Box<Rebuilt>, String>, Purpose),
+    Written(Result<String, String>),
+}
+
+/// What a compilation was for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    Settings,
+    Shaders,
 }
 
 /// Where the picture is taken from.
@@ -124,16 +142,40 @@ pub struct Viewer {
     pub(crate) playback: Playback,
     pub(crate) picture: Picture,
     pub(crate) picture_id: Option<egui::TextureId>,
+    pub(crate) buffer_id: Option<egui::TextureId>,
+    shot: Option<(Shot, files::Wanted)>,
+    // Files that are watched, and those read that are not compiled yet.
+    shader_files: Option<ShaderFiles>,
+    shaders: Option<Library>,
+    shader_folder: Option<PathBuf>,
     pub(crate) timings: TimingHistory,
     pub(crate) panel: PanelState,
     pub(crate) notices: Notices,
     source: String,
+    environment: Option<String>,
     animated: bool,
 }
 
 impl std::fmt::Debug for Viewer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Viewer").field("scene", &self.source).finish_non_exhaustive()
+    }
+}
+
+/// Lets egui show a texture, under the name that the one before it had.
+fn offer(
+    painter: &mut egui_wgpu::Renderer,
+    gpu: &Gpu,
+    view: &wgpu::TextureView,
+    known: Option<egui::TextureId>,
+) -> egui::TextureId {
+    let filter = wgpu::FilterMode::Linear;
+    match known {
+        None => painter.register_native_texture(&gpu.device, view, filter),
+        Some(id) => {
+            painter.update_egui_texture_from_wgpu_texture(&gpu.device, view, filter, id);
+            id
+        }
     }
 }
 
@@ -152,7 +194,7 @@ impl Viewer {
         let painter = egui_wgpu::Renderer::new(&gpu.device, format, egui_wgpu::RendererOptions::default());
         let mut jobs = Jobs::new(move || wake.request_repaint());
         start(&mut jobs, gpu, &options.settings);
-        Self {
+        let mut viewer = Self {
             gpu: gpu.clone(),
             ctx,
             painter,
@@ -170,12 +212,26 @@ impl Viewer {
             playback: Playback::default(),
             picture: Picture::new(gpu),
             picture_id: None,
+            buffer_id: None,
+            shot: None,
+            shader_files: None,
+            shaders: None,
+            shader_folder: options.shaders.clone(),
             timings: TimingHistory::default(),
             panel: PanelState::default(),
             notices: Notices::default(),
             source: options.scene,
+            environment: options.environment.map(|path| path.to_string_lossy().into_owned()),
             animated: false,
+        };
+        if let Some(folder) = options.shaders {
+            let wake = viewer.ctx.clone();
+            match ShaderFiles::watch(&folder, move || wake.request_repaint()) {
+                Ok(files) => viewer.shader_files = Some(files),
+                Err(error) => viewer.notices.fail(format!("shaders are not watched: {error}")),
+            }
         }
+        viewer
     }
 
     /// egui's context, for the window's input and repaint requests.
@@ -183,16 +239,30 @@ impl Viewer {
         &self.ctx
     }
 
-    /// Loads a scene beside the frame; the present one stays until then.
+    /// Loads a scene beside the frame, or lights the present one by another environment (`.hdr`, `.exr`); what is shown
+    /// stays until then.
     pub fn open(&mut self, source: &str) {
+        let extension = source.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase();
+        if ["hdr", "exr"].contains(&extension.as_str()) {
+            self.environment = Some(source.to_owned());
+            self.load(&self.source.clone());
+        } else {
+            self.load(source);
+        }
+    }
+
+    fn load(&mut self, source: &str) {
         let Some(engine) = &self.engine else {
             self.loading = Some(source.to_owned());
             return;
         };
-        let (kit, name) = (engine.renderer.kit().clone(), source.to_owned());
+        let (kit, name, environment) =
+            (engine.renderer.kit().clone(), source.to_owned(), self.environment.clone());
         self.loading = Some(name.clone());
-        self.jobs
-            .start(move || Report::Loaded(Stage::load(&kit, &name).map(Box::new).map_err(|e| e.to_string())));
+        self.jobs.start(move || {
+            let stage = Stage::load(&kit, &name, environment.as_deref());
+            Report::Loaded(stage.map(Box::new).map_err(|e| e.to_string()))
+        });
     }
 
     /// Settings as the panel shows them; they are in force once what they need is compiled.
@@ -221,7 +291,9 @@ impl Viewer {
         Options {
             scene: self.source.clone(),
             settings: self.wanted.clone(),
+            environment: self.environment.as_ref().map(PathBuf::from),
             camera: self.view().map_or(StartCamera::First, StartCamera::At),
+            shaders: self.shader_folder.clone(),
             ..Options::default()
         }
     }
@@ -234,6 +306,8 @@ impl Viewer {
     /// Draws a frame. Without a canvas (a window that is minimised) it only takes in what has been loaded or compiled.
     pub fn frame(&mut self, input: egui::RawInput, canvas: Option<Canvas<'_>>) -> Outcome {
         self.take_reports();
+        self.take_shaders();
+        self.take_shot();
         self.settle();
         // Maps what the GPU has sent, such as timings; a failure shows in `check`.
         let _ = self.gpu.device.poll(wgpu::PollType::Poll);
@@ -285,7 +359,7 @@ impl Viewer {
                 Report::Started(Ok(engine)) => {
                     self.engine = Some(*engine);
                     if let Some(source) = self.loading.clone() {
-                        self.open(&source);
+                        self.load(&source);
                     }
                 }
                 Report::Started(Err(error)) => {
@@ -302,14 +376,23 @@ impl Viewer {
                     self.loading = None;
                     self.notices.fail(error);
                 }
-                Report::Rebuilt(Ok(rebuilt)) => {
+                Report::Written(Ok(names)) => self.notices.tell(format!("wrote {names}")),
+                Report::Written(Err(error)) => self.notices.fail(error),
+                Report::Rebuilt(Err(error), Purpose::Shaders) => {
                     self.building = false;
+                    self.panel.shader_error = Some(error);
+                }
+                Report::Rebuilt(Ok(rebuilt), purpose) => {
+                    self.building = false;
+                    if purpose == Purpose::Shaders {
+                        self.panel.shader_error = None;
+                    }
                     if let Some(engine) = &mut self.engine {
                         // One that is out of date is planned again by `settle`.
                         engine.install(*rebuilt);
                     }
                 }
-                Report::Rebuilt(Err(error)) => {
+                Report::Rebuilt(Err(error), Purpose::Settings) => {
                     self.building = false;
                     self.panel.settings_error = Some(error);
                     self.incoming = None;
@@ -351,10 +434,58 @@ impl Viewer {
         if !self.building {
             self.building = true;
             self.jobs.start(move || {
-                Report::Rebuilt(Rebuilt::new(plan, known, false).map(Box::new).map_err(|e| e.to_string()))
+                let rebuilt = Rebuilt::new(plan, known, false).map(Box::new).map_err(|e| e.to_string());
+                Report::Rebuilt(rebuilt, Purpose::Settings)
             });
         }
         self.apply_what_is_free();
+    }
+
+    /// Has changed shaders compiled; until that is done, and where it fails, the last good ones stay.
+    fn take_shaders(&mut self) {
+        if let Some(changed) = self.shader_files.as_mut().and_then(ShaderFiles::poll) {
+            self.shaders = Some(changed);
+        }
+        if self.building || self.incoming.is_some() {
+            return;
+        }
+        if let (Some(engine), Some(library)) = (&self.engine, self.shaders.take_if(|_| self.engine.is_some()))
+        {
+            let (plan, known) = (engine.renderer.plan_shaders(library), engine.renderer.permutations());
+            self.building = true;
+            self.jobs.start(move || {
+                let rebuilt = Rebuilt::new(plan, known, true).map(Box::new).map_err(|e| e.to_string());
+                Report::Rebuilt(rebuilt, Purpose::Shaders)
+            });
+        }
+    }
+
+    /// Starts reading back the picture, to be written when it has arrived.
+    pub fn screenshot(&mut self, exr: bool) {
+        match self.picture.read(self.panel.shown_buffer) {
+            Some(Ok(shot)) => self.shot = Some((shot, files::Wanted { exr })),
+            Some(Err(error)) => self.notices.fail(error.to_string()),
+            None => {}
+        }
+    }
+
+    fn take_shot(&mut self) {
+        let Some((shot, wanted)) = &self.shot else { return };
+        let wanted = *wanted;
+        match shot.poll(&self.gpu) {
+            Ok(None) => self.ctx.request_repaint(),
+            Ok(Some(pair)) => {
+                self.shot = None;
+                let name = self.stage.as_ref().map_or("picture".into(), |stage| stage.name.clone());
+                self.jobs.start(move || {
+                    Report::Written(files::write(&name, &pair, wanted).map_err(|e| e.to_string()))
+                });
+            }
+            Err(error) => {
+                self.shot = None;
+                self.notices.fail(error.to_string());
+            }
+        }
     }
 
     /// While pipelines are compiled, the settings that need none change at once.
@@ -427,29 +558,22 @@ impl Viewer {
         let (Some(engine), Some(stage)) = (&mut self.engine, &mut self.stage) else { return };
         if self.picture.resize(size_px) {
             engine.renderer.trim();
-            self.picture_id = self.picture.texture().map(|texture| {
-                let (device, filter) = (&self.gpu.device, wgpu::FilterMode::Linear);
-                match self.picture_id {
-                    None => self.painter.register_native_texture(device, texture.view(), filter),
-                    Some(id) => {
-                        self.painter.update_egui_texture_from_wgpu_texture(
-                            device,
-                            texture.view(),
-                            filter,
-                            id,
-                        );
-                        id
-                    }
-                }
-            });
+            let view = self.picture.texture().map(chiaro::Texture::view);
+            self.picture_id = view.map(|view| offer(&mut self.painter, &self.gpu, view, self.picture_id));
         }
-        let wanted = self.picture.wants_frame(engine, stage, &view, self.playback.time_s);
+        let shown = self.panel.shown_buffer;
+        if self.picture.show_buffer(shown.place) || (shown.place != Place::Off && self.buffer_id.is_none()) {
+            let view = self.picture.buffer_texture().map(chiaro::Texture::view);
+            self.buffer_id = view.map(|view| offer(&mut self.painter, &self.gpu, view, self.buffer_id));
+        }
+        let now = (self.playback.time_s, shown);
+        let wanted = self.picture.wants_frame(engine, stage, &view, now);
         if !wanted && !self.panel.continuous {
             return;
         }
         self.animated = true;
         let mut frame = self.recorder.begin();
-        self.picture.record(&mut frame, engine, stage, &view);
+        self.picture.record(&mut frame, engine, (stage, &view), shown);
         frame.submit();
         for timings in self.recorder.take_timings() {
             self.timings.gpu_took(&timings);

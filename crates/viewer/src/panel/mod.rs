@@ -1,14 +1,17 @@
 //! What surrounds the picture: the panel on the right, the line below, messages, help; and what keys do.
 
+mod buffers;
 mod help;
 mod scene;
 mod settings;
 mod status;
 mod timings;
 
+use chiaro::techniques::post::Show;
 use egui::{Align2, Color32, Key, Sense, Ui, vec2};
 use glam::{Vec2, Vec3};
 
+use crate::buffers::{BUFFERS, Shown};
 use crate::camera::{FlyCamera, Steering};
 use crate::viewer::{Eye, Viewer};
 
@@ -26,6 +29,9 @@ pub struct PanelState {
     pub(crate) scale: f32,
     pub(crate) search: String,
     pub(crate) settings_error: Option<String>,
+    pub(crate) shader_error: Option<String>,
+    pub(crate) shown_buffer: Shown,
+    pub(crate) exr: bool,
     /// What the renderer gave up.
     pub(crate) notes: Vec<String>,
     /// Size of the picture that fits the window.
@@ -49,6 +55,9 @@ impl Default for PanelState {
             scale: 1.0,
             search: String::new(),
             settings_error: None,
+            shader_error: None,
+            shown_buffer: Shown::default(),
+            exr: false,
             notes: Vec::new(),
             picture_px: None,
             scrubbed: false,
@@ -144,6 +153,7 @@ impl Viewer {
                 egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                     self.scene_ui(ui);
                     self.picture_ui(ui);
+                    self.buffers_ui(ui);
                     self.settings_ui(ui);
                     self.timings_ui(ui);
                 });
@@ -165,6 +175,7 @@ impl Viewer {
         if let (Some(id), Some(_)) = (self.picture_id, &self.stage) {
             let all = egui::Rect::from_min_max(egui::Pos2::ZERO, egui::pos2(1.0, 1.0));
             ui.painter().image(id, rect, all, Color32::WHITE);
+            self.show_buffer(ui, rect);
         }
         if response.clicked() || response.drag_started() {
             // Keys are the camera's again.
@@ -187,6 +198,9 @@ impl Viewer {
             let font = egui::FontId::proportional(20.0);
             ui.painter().text(rect.center(), Align2::CENTER_CENTER, text, font, Color32::GRAY);
         }
+        if let Some(error) = &self.panel.shader_error {
+            show_shader_error(ui, rect, error);
+        }
         self.notices.show(ui, rect.min + vec2(12.0, 12.0), (rect.width() - 24.0).min(640.0));
     }
 
@@ -208,6 +222,31 @@ impl Viewer {
         };
         self.fly(steering, dt_s);
         self.play(f64::from(dt_s));
+    }
+
+    fn choose_buffer(&mut self, input: &egui::InputState) {
+        let shown = &mut self.panel.shown_buffer;
+        if input.key_pressed(Key::P) {
+            shown.place = shown.place.next();
+        }
+        for (number, key) in DIGITS.into_iter().enumerate() {
+            if input.key_pressed(key) {
+                shown.choose(number);
+            }
+        }
+        let layers = self.picture.drawn().map_or(1, |drawn| drawn.layers);
+        if input.key_pressed(Key::Period) {
+            shown.layer = (shown.layer + 1).min(layers - 1);
+        }
+        if input.key_pressed(Key::Comma) {
+            shown.layer = shown.layer.saturating_sub(1).min(layers - 1);
+        }
+        if input.key_pressed(Key::OpenBracket) {
+            shown.choose((shown.buffer + BUFFERS.len() - 1) % BUFFERS.len());
+        }
+        if input.key_pressed(Key::CloseBracket) {
+            shown.choose((shown.buffer + 1) % BUFFERS.len());
+        }
     }
 
     fn fly(&mut self, steering: Steering, dt_s: f32) {
@@ -258,7 +297,45 @@ impl Viewer {
         if input.key_pressed(Key::K) {
             self.playback.playing = !self.playback.playing;
         }
+        if input.key_pressed(Key::F12) {
+            self.screenshot(self.panel.exr);
+        }
+        for (key, show) in [(Key::U, Show::Indirect), (Key::I, Show::Direct), (Key::O, Show::Both)] {
+            if input.key_pressed(key) {
+                self.wanted.camera.show = show;
+            }
+        }
+        self.choose_buffer(input);
     }
+}
+
+const DIGITS: [Key; 10] = [
+    Key::Num1,
+    Key::Num2,
+    Key::Num3,
+    Key::Num4,
+    Key::Num5,
+    Key::Num6,
+    Key::Num7,
+    Key::Num8,
+    Key::Num9,
+    Key::Num0,
+];
+
+/// A shader's error, over the picture that the last good shader makes.
+fn show_shader_error(ui: &Ui, rect: egui::Rect, error: &str) {
+    let area = egui::Area::new(egui::Id::unique("shader_error"));
+    let area = area.pivot(Align2::LEFT_BOTTOM).fixed_pos(rect.left_bottom() + vec2(12.0, -12.0));
+    area.show(ui.ctx(), |ui| {
+        egui::Frame::popup(ui.style()).show(ui, |ui| {
+            ui.set_max_width((rect.width() - 48.0).clamp(100.0, 900.0));
+            ui.strong("A shader does not compile; the last good one stays");
+            egui::ScrollArea::vertical().max_height(rect.height() * 0.5).show(ui, |ui| {
+                let text = egui::RichText::new(error).monospace().color(ERROR);
+                ui.add(egui::Label::new(text).wrap());
+            });
+        });
+    });
 }
 
 /// Where keys push the camera: right, up, back.

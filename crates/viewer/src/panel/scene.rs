@@ -82,6 +82,16 @@ impl Viewer {
         CollapsingHeader::new("Picture").default_open(true).show(ui, |ui| {
             ui.add(Slider::new(&mut self.panel.scale, 0.25..=1.0).text("pixels per window pixel"))
                 .on_hover_text("Less is faster and blurred");
+            ui.horizontal(|ui| {
+                if ui
+                    .button("Screenshot")
+                    .on_hover_text("F12; into the folder that chiaro was started in")
+                    .clicked()
+                {
+                    self.screenshot(self.panel.exr);
+                }
+                ui.checkbox(&mut self.panel.exr, "radiance too (EXR)");
+            });
             ui.checkbox(&mut self.panel.vsync, "Wait for the screen (vsync)");
         });
     }
