@@ -14,7 +14,7 @@ use glam::{DVec3, Vec3};
 
 use crate::Primitive;
 
-pub(crate) use normals::{crease, flat, repair};
+pub(crate) use normals::{Smoothing, crease, flat, repair};
 pub(crate) use tangents::{generate as generate_tangents, repair as repair_tangents};
 
 /// Bits that say whether two corners may share a vertex.

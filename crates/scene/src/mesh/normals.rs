@@ -60,11 +60,23 @@ pub(crate) fn repair(primitive: &mut Primitive) -> usize {
     broken.len()
 }
 
+/// With which of its neighbours a triangle is shaded smoothly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Smoothing {
+    /// Those at a small angle.
+    ByAngle,
+    /// None.
+    Off,
+    /// Those of the same group.
+    Group(u32),
+}
+
 /// A triangle's corner where it meets others.
 struct Corner {
     /// The primitive and its corner.
     at: (usize, usize),
     face_normal: Vec3,
+    smoothing: Smoothing,
     /// The triangle's area times its angle here.
     weight: f64,
 }
@@ -73,13 +85,14 @@ struct Corner {
 /// its position whose own normals differ from its triangle's by at most `crease_rad`.
 ///
 /// The primitives are the parts of one object: they are smoothed across their seams. Normals that are there and finite
-/// stay.
-pub(crate) fn crease(primitives: &mut [Primitive], crease_rad: f32) {
+/// stay. `smoothing` has an entry for each triangle of each primitive; one that is missing stands for the angle.
+pub(crate) fn crease(primitives: &mut [Primitive], smoothing: &[Vec<Smoothing>], crease_rad: f32) {
     let mut meeting: HashMap<[u32; 3], Vec<Corner>> = HashMap::new();
     for (p, primitive) in primitives.iter().enumerate() {
         for triangle in 0..primitive.indices.len() / 3 {
             let points = corners(primitive, triangle);
             let area_normal = area_normal(points);
+            let smoothing = smoothing.get(p).and_then(|triangles| triangles.get(triangle)).copied();
             for k in 0..3 {
                 let at = (p, 3 * triangle + k);
                 let position = primitive.positions[primitive.indices[at.1] as usize];
@@ -88,6 +101,7 @@ pub(crate) fn crease(primitives: &mut [Primitive], crease_rad: f32) {
                 meeting.entry(bits(position)).or_default().push(Corner {
                     at,
                     face_normal: unit(area_normal).unwrap_or(Vec3::ZERO),
+                    smoothing: smoothing.unwrap_or(Smoothing::ByAngle),
                     weight: area_normal.length() * f64::from(angle),
                 });
             }
@@ -108,12 +122,12 @@ pub(crate) fn crease(primitives: &mut [Primitive], crease_rad: f32) {
                 continue;
             }
             let flat = (corner.face_normal != Vec3::ZERO).then_some(corner.face_normal);
-            let smooth = if corners.len() > MAX_MEETING {
-                None
-            } else if flat.is_some() {
-                mean(&|other| corner.face_normal.dot(other.face_normal) >= min_cos)
-            } else {
-                mean(&|_| true)
+            let smooth = match corner.smoothing {
+                _ if corners.len() > MAX_MEETING => None,
+                Smoothing::Off if flat.is_some() => None,
+                group @ Smoothing::Group(_) => mean(&|other| other.smoothing == group),
+                _ if flat.is_none() => mean(&|_| true),
+                _ => mean(&|other| corner.face_normal.dot(other.face_normal) >= min_cos),
             };
             *normal = smooth.or(flat).unwrap_or(FALLBACK);
         }

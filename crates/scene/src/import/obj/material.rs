@@ -5,7 +5,9 @@
 //!   where Kd + Ks would reflect more than arrives, Ks is scaled down. Without a highlight a surface is Lambert's.
 //! - A textured material whose Kd is black has a white one: exporters leave Kd out then.
 //! - OBJ surfaces have no side: all are double-sided.
-//! - Dissolve blends; a dissolve map, or a base colour image with transparent texels, cuts out.
+//! - `illum` 4, 6, 7 and 9 are glass where the diffuse colour is near black or the surface dissolves; `Tf` is its
+//!   colour, `Ni` its index, and 6 and 7 refract.
+//! - Dissolve blends otherwise; a dissolve map, or a base colour image with transparent texels, cuts out.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -18,12 +20,18 @@ use super::super::limits::Limits;
 use super::super::source::{self, Decoder};
 use super::super::warnings::Warnings;
 use super::bump;
-use super::library::Library;
+use super::library::{Library, Source};
 use super::map::{self, Map};
 use crate::{AlphaMode, Filter, Id, ImageData, Material, Reflection, Scene, Texture, TextureRef, Wrap};
 
 /// Reflectance of a surface that has no material or no Kd: a light grey.
 const DEFAULT_DIFFUSE: Vec3 = Vec3::splat(0.8);
+
+/// The most that a glass may reflect diffusely.
+const MAX_GLASS_DIFFUSE: f32 = 0.1;
+
+/// Thickness of refracting glass: MTL says none, and any number above 0 says that the object is solid.
+const SOLID_M: f32 = 1.0;
 
 /// What an image file is read as.
 #[derive(Clone, PartialEq, Eq, Hash)]
@@ -47,7 +55,7 @@ pub(super) struct Materials<'a> {
     files: &'a dyn Files,
     directory: &'a Path,
     library: &'a Library,
-    converted: HashMap<Option<usize>, Id>,
+    converted: HashMap<Option<&'a str>, Id>,
     done: Vec<Material>,
     textures: Vec<Texture>,
     images: Vec<ImageData>,
@@ -81,13 +89,15 @@ impl<'a> Materials<'a> {
         scene.images = self.images;
     }
 
-    /// Our index of the library's material, `None` being the default.
-    pub(super) fn id(&mut self, index: Option<usize>, warnings: &mut Warnings) -> Id {
-        if let Some(&known) = self.converted.get(&index) {
+    /// Our index of the library's material of this name; the default one's where it has none.
+    pub(super) fn id(&mut self, name: Option<&str>, warnings: &mut Warnings) -> Id {
+        let library = self.library;
+        let source = name.and_then(|name| library.get(name));
+        let key = source.map(|source| source.name.as_str());
+        if let Some(&known) = self.converted.get(&key) {
             return known;
         }
-        let library = self.library;
-        let material = match index.and_then(|index| library.materials().get(index)) {
+        let material = match source {
             Some(source) => self.convert(source, warnings),
             None => Material {
                 base_color: DEFAULT_DIFFUSE.extend(1.0),
@@ -97,54 +107,49 @@ impl<'a> Materials<'a> {
             },
         };
         self.done.push(material);
-        self.converted.insert(index, self.done.len() - 1);
+        self.converted.insert(key, self.done.len() - 1);
         self.done.len() - 1
     }
 
-    fn convert(&mut self, source: &tobj::Material, warnings: &mut Warnings) -> Material {
-        let unknown = |key: &str| source.unknown_param.get(key);
+    fn convert(&mut self, source: &Source, warnings: &mut Warnings) -> Material {
         let mut material = Material { name: source.name.clone(), double_sided: true, ..Material::default() };
 
         self.base_color(source, &mut material, warnings);
         let (kd, ks) = (material.base_color.truncate(), color(source.specular).unwrap_or(Vec3::ZERO));
         let ks = ks * energy_scale(kd, ks);
-        match source.shininess {
+        match source.exponent {
             Some(exponent) if exponent > 0.0 && ks.max_element() > 0.0 => {
                 material.reflection = Reflection::Phong { exponent };
                 material.specular_color = ks;
-                material.specular_color_texture =
-                    self.color_texture(source.specular_texture.as_ref(), source, warnings);
+                material.specular_color_texture = self.color_texture(source.map("map_Ks"), source, warnings);
             }
             _ => material.specular = 0.0,
         }
-        material.emissive_texture = self.color_texture(unknown("map_Ke"), source, warnings);
+        material.emissive_texture = self.color_texture(source.map("map_Ke"), source, warnings);
         let ke = color(source.emissive).unwrap_or(Vec3::ZERO);
         let is_unset = ke == Vec3::ZERO && material.emissive_texture.is_some();
         material.emissive = if is_unset { Vec3::ONE } else { ke };
 
-        if let Some(normal) = unknown("norm") {
+        if let Some(normal) = source.map("norm") {
             let map = Map::parse(normal);
             material.normal_scale = map.bump;
             material.normal_texture = self.texture(&map, Use::NormalAsIs, source, warnings).map(|(t, _)| t);
-        } else if let Some(bump) = &source.normal_texture {
+        } else if let Some(bump) = source.map("bump") {
             let map = Map::parse(bump);
             let as_normals = Use::Normal { strength: map.bump.to_bits(), clamp: map.clamp };
             material.normal_texture = self.texture(&map, as_normals, source, warnings).map(|(t, _)| t);
         }
-        if matches!(source.illumination_model, Some(4 | 6 | 7 | 9)) {
-            let (name, model) = (&source.name, source.illumination_model.unwrap_or_default());
-            warnings.add(format!(
-                "material `{name}`: illum {model} asks for refraction; OBJ surfaces are opaque"
-            ));
+        if matches!(source.illum, Some(4 | 6 | 7 | 9)) {
+            glass(source, &mut material, warnings);
         }
         material
     }
 
     /// Kd, map_Kd, d, Tr and map_d.
-    fn base_color(&mut self, source: &tobj::Material, material: &mut Material, warnings: &mut Warnings) {
-        let mask = source.dissolve_texture.as_deref().map(Map::parse);
+    fn base_color(&mut self, source: &Source, material: &mut Material, warnings: &mut Warnings) {
+        let mask = source.map("map_d").map(Map::parse);
         let mask_file = mask.as_ref().and_then(|map| self.find(map, source, warnings));
-        let map = source.diffuse_texture.as_deref().map(Map::parse);
+        let map = source.map("map_Kd").map(Map::parse);
         // Where both are one file, its alpha is meant, if it has one.
         let is_same = mask.as_ref().zip(map.as_ref()).is_some_and(|(mask, map)| mask.file == map.file);
         let as_color = mask_file.filter(|_| !is_same).map_or(Use::Color, Use::Masked);
@@ -155,8 +160,7 @@ impl<'a> Materials<'a> {
         }
         let kd = color(source.diffuse).unwrap_or(if is_textured { Vec3::ONE } else { DEFAULT_DIFFUSE });
         let kd = if is_textured && kd == Vec3::ZERO { Vec3::ONE } else { kd };
-        let transparency = source.unknown_param.get("Tr").and_then(|tr| tr.parse::<f32>().ok());
-        let dissolve = source.dissolve.or(transparency.map(|tr| 1.0 - tr)).unwrap_or(1.0).clamp(0.0, 1.0);
+        let dissolve = source.dissolve.unwrap_or(1.0).clamp(0.0, 1.0);
         material.base_color = kd.extend(dissolve);
         material.base_color_texture = texture.map(|(texture, _)| texture);
         material.alpha = match texture {
@@ -168,8 +172,8 @@ impl<'a> Materials<'a> {
 
     fn color_texture(
         &mut self,
-        map: Option<&String>,
-        source: &tobj::Material,
+        map: Option<&str>,
+        source: &Source,
         warnings: &mut Warnings,
     ) -> Option<TextureRef> {
         let map = Map::parse(map?);
@@ -181,7 +185,7 @@ impl<'a> Materials<'a> {
         &mut self,
         map: &Map,
         used_as: Use,
-        source: &tobj::Material,
+        source: &Source,
         warnings: &mut Warnings,
     ) -> Option<(TextureRef, bool)> {
         let file = self.find(map, source, warnings)?;
@@ -212,8 +216,8 @@ impl<'a> Materials<'a> {
     }
 
     /// The texture's file, relative to its material library or else to the OBJ.
-    fn find(&self, map: &Map, source: &tobj::Material, warnings: &mut Warnings) -> Option<PathBuf> {
-        let beside_library = map::find_file(self.files, self.library.directory(source), &map.file);
+    fn find(&self, map: &Map, source: &Source, warnings: &mut Warnings) -> Option<PathBuf> {
+        let beside_library = map::find_file(self.files, &source.directory, &map.file);
         let found = beside_library.or_else(|| map::find_file(self.files, self.directory, &map.file));
         if found.is_none() {
             warnings.add(format!("the texture `{}` of material `{}` was not found", map.file, source.name));
@@ -251,6 +255,36 @@ impl<'a> Materials<'a> {
         let (width, height) = pixels.dimensions();
         Ok((ImageData { name, width, height, rgba: pixels.into_raw() }, has_alpha))
     }
+}
+
+/// Makes a material glass whose `illum` asks for it and whose colours do not contradict.
+fn glass(source: &Source, material: &mut Material, warnings: &mut Warnings) {
+    let dissolve = material.base_color.w;
+    let is_dark =
+        source.map("map_Kd").is_none() && material.base_color.truncate().max_element() <= MAX_GLASS_DIFFUSE;
+    if !is_dark && dissolve == 1.0 {
+        warnings.add(format!(
+            "material `{}`: its illum {} asks for glass, but its diffuse colour for an opaque surface, which it became",
+            source.name,
+            source.illum.unwrap_or_default()
+        ));
+        return;
+    }
+    material.transmission = if dissolve < 1.0 { 1.0 - dissolve } else { 1.0 };
+    let filter = color(source.filter).filter(|filter| filter.max_element() > 0.0);
+    let tint = filter.unwrap_or(if is_dark { Vec3::ONE } else { material.base_color.truncate() });
+    material.base_color = tint.min(Vec3::ONE).extend(1.0);
+    if matches!(material.alpha, AlphaMode::Blend) {
+        material.alpha = AlphaMode::Opaque;
+    }
+    material.ior = source.ior.filter(|ior| *ior >= 1.0).unwrap_or(material.ior);
+    let refracts = matches!(source.illum, Some(6 | 7)) && material.ior > 1.0;
+    material.thickness = if refracts { SOLID_M } else { 0.0 };
+    // The lobe of Ns, as a roughness: α² = 2 / (n + 2).
+    let exponent = source.exponent.unwrap_or(0.0);
+    material.roughness = if exponent > 0.0 { (2.0 / (exponent + 2.0)).sqrt().sqrt() } else { 0.0 };
+    material.reflection = Reflection::MetallicRoughness;
+    (material.specular, material.specular_color, material.specular_color_texture) = (1.0, Vec3::ONE, None);
 }
 
 fn color(rgb: Option<[f32; 3]>) -> Option<Vec3> {

@@ -1,15 +1,15 @@
 //! Wavefront OBJ and MTL.
 //!
-//! `tobj` parses both; it panics on some malformed files and misaligns streams on some legal ones, so that it reads
-//! text that [`guard`] (OBJ) and [`library`] (MTL) wrote after checking the file's. What the formats leave open is
-//! decided in [`geometry`] and [`material`].
+//! Parsed here, by [`parse`] (OBJ) and [`library`] (MTL): the crate for it panics on some malformed files, misaligns
+//! streams on some legal ones and knows neither smoothing groups nor line numbers. What the formats leave open is decided
+//! in [`geometry`] and [`material`].
 
 mod bump;
 mod geometry;
-mod guard;
 mod library;
 mod map;
 mod material;
+mod parse;
 mod polygon;
 
 use std::path::Path;
@@ -33,17 +33,16 @@ pub(super) fn from_bytes(
 ) -> Result<Scene, SceneError> {
     only_scene(path, options)?;
     let mut warnings = Warnings::default();
-    let checked = guard::check(path, &String::from_utf8_lossy(bytes), &mut warnings)?;
-    let library = library::load(files, path, &checked.libraries, &mut warnings);
-    for name in &checked.materials {
-        if !library.contains(name) {
+    let parsed = parse::Parsed::new(path, &String::from_utf8_lossy(bytes), &mut warnings)?;
+    let library = library::load(files, path, &parsed.libraries, &mut warnings);
+    for name in &parsed.materials {
+        if !library.contains_key(name) {
             warnings.add(format!("the material `{name}` is in no material library; the default stands in"));
         }
     }
-    let models = library.parse(path, &checked)?;
     let mut materials = material::Materials::new(files, &options.limits, path, &library);
     let mut scene = Scene { name: scene_name(path), ..Scene::default() };
-    for mesh in geometry::meshes(path, &options.limits, models, &mut materials, &mut warnings)? {
+    for mesh in geometry::meshes(path, &options.limits, &parsed, &mut materials, &mut warnings)? {
         let (name, mesh_id) = (mesh.name.clone(), scene.meshes.len());
         scene.meshes.push(mesh);
         scene.nodes.push(Node {
@@ -62,4 +61,8 @@ pub(super) fn from_bytes(
 /// An error about a line of the OBJ file, counted from 1.
 fn invalid(path: &Path, line: usize, problem: impl Into<String>) -> SceneError {
     SceneError::Invalid { path: path.to_owned(), place: format!("line {line}"), problem: problem.into() }
+}
+
+fn invalid_group(path: &Path, name: &str, problem: String) -> SceneError {
+    SceneError::Invalid { path: path.to_owned(), place: format!("group `{name}`"), problem }
 }

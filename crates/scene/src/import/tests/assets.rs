@@ -4,7 +4,9 @@ use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::load;
+use glam::Vec3;
+
+use super::{LoadOptions, load};
 use crate::invariants::assert_sound;
 use crate::{Scene, mesh};
 
@@ -125,4 +127,93 @@ fn generated_tangents_agree_with_those_that_khronos_supplies() {
     }
     // A few corners of triangles without an area in the image differ.
     assert!(agreeing * 100 >= given.indices.len() * 98, "{agreeing} of {}", given.indices.len());
+}
+
+/// A scene of the Khronos samples; `None` where they are absent.
+fn khronos(file: &str) -> Option<Scene> {
+    let scene = load_path(&shared()?.join("assets/khronos").join(file)).unwrap();
+    assert_sound(&scene);
+    Some(scene)
+}
+
+/// World positions of every drawn vertex at a time.
+fn posed(scene: &Scene, time_s: f64) -> Vec<Vec3> {
+    let pose = scene.pose(time_s);
+    let drawn = scene.nodes.iter().enumerate().filter_map(|(id, node)| Some((id, &scene.meshes[node.mesh?])));
+    let primitives = drawn.flat_map(|(id, mesh)| mesh.primitives.iter().map(move |p| (id, p)));
+    primitives.flat_map(|(id, p)| scene.posed_vertices(&pose, id, p).map(|(p, _)| p)).collect()
+}
+
+#[test]
+fn animated_samples_move_within_reason_and_take_the_time_they_should() {
+    // Duration in seconds, and the largest extent at rest in metres as the samples' pictures and files say.
+    for (file, duration_s, size) in [
+        ("CesiumMan/glTF-Binary/CesiumMan.glb", 2.0, 1.5),
+        ("Fox/glTF-Binary/Fox.glb", 3.417, 150.0),
+        ("RiggedSimple/glTF-Binary/RiggedSimple.glb", 2.083, 9.5),
+        ("RiggedSimple/glTF-Embedded/RiggedSimple.gltf", 2.083, 9.5),
+        ("AnimatedMorphCube/glTF-Binary/AnimatedMorphCube.glb", 4.19, 2.0),
+        ("AnimatedMorphCube/glTF-Quantized/AnimatedMorphCube.gltf", 4.19, 2.0),
+        ("InterpolationTest/glTF-Binary/InterpolationTest.glb", 1.708, 10.0),
+        ("BoxAnimated/glTF-Binary/BoxAnimated.glb", 3.708, 1.0),
+    ] {
+        let Some(scene) = khronos(file) else { return };
+        let seconds = scene.duration_s().unwrap();
+        assert!((seconds - duration_s).abs() < 0.02, "{file} takes {seconds} s");
+        let (lo, hi) = scene.bounds().unwrap();
+        let extent = (hi - lo).max_element();
+        assert!((0.5 * size..2.0 * size).contains(&extent), "{file} measures {extent} m");
+        let (rest, later) = (posed(&scene, 0.0), posed(&scene, 0.7));
+        let moved = rest.iter().zip(&later).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+        assert!((0.01 * extent..2.0 * extent).contains(&moved), "{file} moves by {moved} m");
+    }
+}
+
+#[test]
+fn quantized_and_float_samples_are_the_same_shape() {
+    let pairs = [
+        ("Duck/glTF-Binary/Duck.glb", "Duck/glTF-Quantized/Duck.gltf"),
+        (
+            "AnimatedMorphCube/glTF-Binary/AnimatedMorphCube.glb",
+            "AnimatedMorphCube/glTF-Quantized/AnimatedMorphCube.gltf",
+        ),
+    ];
+    for (float, quantized) in pairs {
+        let (Some(float), Some(quantized)) = (khronos(float), khronos(quantized)) else { return };
+        for time_s in [0.0, 0.7] {
+            let bounds = [&float, &quantized].map(|scene| scene.bounds_at(&scene.pose(time_s)).unwrap());
+            let [(lo, hi), (other_lo, other_hi)] = bounds;
+            let tolerance = 0.01 * (hi - lo).max_element();
+            assert!(lo.abs_diff_eq(other_lo, tolerance) && hi.abs_diff_eq(other_hi, tolerance), "{bounds:?}");
+        }
+        assert_eq!(float.triangle_count(), quantized.triangle_count());
+    }
+}
+
+#[test]
+fn samples_of_single_features_hold_what_their_descriptions_say() {
+    let Some(instanced) = khronos("SimpleInstancing/glTF-Binary/SimpleInstancing.glb") else { return };
+    assert_eq!(instanced.nodes.iter().filter(|node| node.mesh.is_some()).count(), 125);
+    let sparse = khronos("SimpleSparseAccessor/glTF/SimpleSparseAccessor.gltf").unwrap();
+    let (lo, hi) = sparse.bounds().unwrap();
+    assert!(lo.abs_diff_eq(Vec3::ZERO, 1e-5) && hi.abs_diff_eq(Vec3::new(6.0, 4.0, 0.0), 1e-5), "{lo}..{hi}");
+    let modes = khronos("MeshPrimitiveModes/glTF/MeshPrimitiveModes.gltf").unwrap();
+    let kinds = modes.warnings.iter().filter(|warning| warning.contains("points and lines")).count();
+    assert_eq!((modes.nodes.iter().filter(|node| node.mesh.is_some()).count(), kinds), (3, 4));
+    let colored = khronos("VertexColorTest/glTF-Binary/VertexColorTest.glb").unwrap();
+    assert!(colored.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| !p.colors.is_empty()));
+}
+
+#[test]
+fn the_scenes_of_a_file_differ() {
+    let Some(shared) = shared() else { return };
+    let path = shared.join("assets/khronos/MultipleScenes/glTF/MultipleScenes.gltf");
+    let load = |scene: &str| {
+        let options = LoadOptions { scene: Some(scene.to_owned()), ..LoadOptions::default() };
+        crate::load_with(&path.to_string_lossy(), &options)
+    };
+    let [first, second] = ["0", "1"].map(|scene| load(scene).unwrap());
+    assert_eq!(first.scene_names.len(), 2);
+    assert_ne!(first.triangle_count(), second.triangle_count());
+    assert!(matches!(load("2"), Err(crate::SceneError::UnknownScene { .. })));
 }

@@ -74,7 +74,7 @@ impl Document {
     ) -> usize {
         // Vertex attributes begin at multiples of four.
         let stride = content.len() / count;
-        let stride = if stride >= 4 && stride % 4 == 0 && stride < 64 {
+        let stride = if stride >= 4 && stride.is_multiple_of(4) && stride < 64 {
             format!(r#", "byteStride": {stride}"#)
         } else {
             String::new()

@@ -58,19 +58,19 @@ fn instances_are_limited() {
 fn targets_and_their_vertices_are_limited() {
     let mut document = Document::default();
     without_data(&mut document, "VEC3", 300);
-    let targets = vec![r#"{"POSITION": 0}"#; 4].join(", ");
+    let targets = [r#"{"POSITION": 0}"#; 4].join(", ");
     let error = refused(&document, &one_mesh("", &format!(r#", "targets": [{targets}]"#), ""));
     assert!(error.contains("1000 vertices of morph targets"), "{error}");
     // One primitive's many empty targets times many primitives.
     let document = Document::triangle();
     let primitive = r#"{"attributes": {"POSITION": 0}}"#;
-    let many = vec!["{}"; 100].join(", ");
+    let many = ["{}"; 100].join(", ");
     let error = refused(
         &document,
         &format!(
             r#""nodes": [{{"mesh": 0}}], "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}},
             "targets": [{many}]}}, {}]}}]"#,
-            vec![primitive; 20].join(", ")
+            [primitive; 20].join(", ")
         ),
     );
     assert!(error.contains("meshes[0]") && error.contains("vertices of morph targets"), "{error}");
@@ -80,7 +80,7 @@ fn targets_and_their_vertices_are_limited() {
 fn what_nodes_draw_is_limited() {
     let mut document = Document::default();
     without_data(&mut document, "VEC3", 300);
-    let nodes = vec![r#"{"mesh": 0}"#; 7].join(", ");
+    let nodes = [r#"{"mesh": 0}"#; 7].join(", ");
     let members = one_mesh("", "", "").replacen(r#"{"mesh": 0}"#, &nodes, 1);
     assert!(refused(&document, &members).contains("2000 vertices to draw"));
 }
@@ -90,7 +90,7 @@ fn keys_are_limited_however_often_a_sampler_is_used() {
     let mut document = Document::default();
     document.floats("SCALAR", &(0..60).map(|i| i as f32).collect::<Vec<_>>());
     without_data(&mut document, "VEC3", 60);
-    let nodes = vec!["{}"; 9].join(", ");
+    let nodes = ["{}"; 9].join(", ");
     let channels: Vec<_> = (0..9)
         .map(|i| format!(r#"{{"sampler": 0, "target": {{"node": {i}, "path": "translation"}}}}"#))
         .collect();
@@ -110,12 +110,10 @@ fn accessors_without_data_and_reading_one_often_are_limited() {
     without_data(&mut document, "VEC3", 6000);
     assert!(refused(&document, &one_mesh("", "", "")).contains("without data"));
     let mut document = Document::triangle();
-    document.stream(U8, "SCALAR", 30_000, &[0; 30_000], "");
+    document.stream(U8, "SCALAR", 30_000, &vec![0; 30_000], "");
     let primitive = r#"{"attributes": {"POSITION": 0}, "indices": 1}"#;
-    let members = format!(
-        r#""nodes": [{{"mesh": 0}}], "meshes": [{{"primitives": [{}]}}]"#,
-        vec![primitive; 9].join(", ")
-    );
+    let members =
+        format!(r#""nodes": [{{"mesh": 0}}], "meshes": [{{"primitives": [{}]}}]"#, [primitive; 9].join(", "));
     let error = refused(&document, &members);
     assert!(error.contains("corners") || error.contains("elements of accessors"), "{error}");
 }

@@ -132,6 +132,45 @@ fn missing_normals_are_smooth_across_small_angles_and_sharp_across_large_ones() 
 }
 
 #[test]
+fn smoothing_groups_count_instead_of_the_angle_where_the_file_has_them() {
+    // Two squares that share the edge x = 0, folded by 10° or 90°; how many normals the edge has.
+    let normals_at_edge = |fold: f32, first: &str, second: &str| {
+        let (s, c) = fold.to_radians().sin_cos();
+        let scene = load(&format!(
+            "v -1 -1 0\nv 0 -1 0\nv 0 1 0\nv -1 1 0\nv {c} -1 {s}\nv {c} 1 {s}\n{first}f 1 2 3 4\n{second}f 2 5 6 3\n"
+        ));
+        scene.meshes[0].primitives[0].positions.iter().filter(|p| p.x == 0.0).count() / 2
+    };
+    assert_eq!(normals_at_edge(90.0, "s 1\n", ""), 1);
+    assert_eq!(normals_at_edge(10.0, "s 1\n", "s 2\n"), 2);
+    assert_eq!(normals_at_edge(10.0, "s off\n", ""), 2);
+    assert_eq!(normals_at_edge(10.0, "", ""), 1);
+}
+
+#[test]
+fn a_dark_or_dissolving_body_that_asks_for_glass_transmits() {
+    let folder = Folder::new("glass");
+    let material = |mtl: &str| {
+        let scene = folder.load(&format!("newmtl m\n{mtl}"));
+        (scene.materials[0].clone(), scene.warnings.len())
+    };
+    let (solid, _) =
+        material("Kd 0.01 0.01 0.01\nKs 0.3 0.3 0.3\nTf 0.1 0.2 0.3\nNs 200\nNi 1.33\nillum 7\n");
+    assert_eq!((solid.transmission, solid.ior, solid.alpha), (1.0, 1.33, AlphaMode::Opaque));
+    assert_eq!(
+        (solid.base_color, solid.reflection),
+        (Vec4::new(0.1, 0.2, 0.3, 1.0), Reflection::MetallicRoughness)
+    );
+    assert!(solid.thickness > 0.0 && (solid.roughness - 0.3154).abs() < 1e-3, "{solid:?}");
+    let (pane, _) = material("Kd 0.8 0.9 0.8\nd 0.25\nNi 1.5\nillum 4\n");
+    assert_eq!((pane.transmission, pane.thickness), (0.75, 0.0));
+    assert_eq!(pane.base_color, Vec4::new(0.8, 0.9, 0.8, 1.0));
+    let (opaque, warnings) = material("Kd 0.8 0.8 0.8\nillum 7\n");
+    assert_eq!((opaque.transmission, warnings), (0.0, 1));
+    assert_eq!(material("Kd 0 0 0\nTf 1 1 1\nillum 2\n").0.transmission, 0.0);
+}
+
+#[test]
 fn vertex_colours_arrive_and_a_fourth_number_is_no_colour() {
     let scene = load("v 0 0 0 1 0 0.5\nv 1 0 0\nv 0 1 0 0 1 0\nf 1 2 3\n");
     let colors = &scene.meshes[0].primitives[0].colors;
