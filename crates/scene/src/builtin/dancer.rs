@@ -159,10 +159,10 @@ fn skin_point(frame: &Frame, d: f32, length_m: f32, angle: f32, hood: f32, breat
     let bump = |middle: f32, wide: f32| (-((d - middle) / wide).powi(2)).exp();
     let (spread, swell) = (hood * bump(0.235, 0.078), breath * bump(0.62, 0.13));
     let (c, s) = (angle.cos(), angle.sin());
-    let w = (width + 0.066 * spread + 0.007 * swell) * round;
+    let w = (width + 0.080 * spread + 0.007 * swell) * round;
     let h = (height - 0.008 * spread + 0.007 * swell) * round;
     // The spread hood is cupped forward and thin at its rim.
-    let cupped = 0.020 * spread * (c * c - 0.3);
+    let cupped = 0.024 * spread * (c * c - 0.3);
     frame.origin + frame.x * (w * c) + frame.y * (h * s * (1.0 - 0.45 * spread * c * c) + cupped)
 }
 

@@ -56,6 +56,7 @@ pub fn build() -> Scene {
         thickness: LEVEL - FLOOR[1],
         attenuation_color: vec3(0.62, 0.92, 0.96),
         attenuation_distance: 5.0,
+        double_sided: true,
         ..plain("water", Vec3::ONE, 0.0)
     });
     let surface = stage.add("water", vec![water_surface(water)]);
