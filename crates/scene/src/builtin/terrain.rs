@@ -95,7 +95,8 @@ fn heights() -> HeightMap {
         ((hills + rim) * open * (0.25 + (from_place / 40.0).min(1.0)) + detail) / SPACING_M
     });
     map.erode(9_000, 77);
-    for strength in [0.6, 0.5, 0.4] {
+    map.slump(1.1, 60);
+    for strength in [0.5, 0.3] {
         map.smooth(strength);
     }
     map.shape(|column, row, height| {
