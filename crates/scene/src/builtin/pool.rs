@@ -75,7 +75,7 @@ pub fn build() -> Scene {
     stage.sun(sky.towards_sun, vec3(1.0, 0.955, 0.89), sky.sun_lux);
     stage.scene.environment = Some(sky.environment("clear noon"));
     stage.camera("pool", vec3(-5.9, 2.05, 4.1), vec3(0.6, -0.25, -0.8), 48.0);
-    stage.camera("surface", vec3(-3.3, 0.30, 1.35), vec3(2.4, -0.45, -0.9), 52.0);
+    stage.camera("surface", vec3(-4.6, 0.85, 1.7), vec3(1.8, -0.25, -0.8), 46.0);
     stage.camera("diver", vec3(-2.3, -0.72, 0.9), vec3(3.0, -1.25, -0.9), 62.0);
     stage.scene
 }
