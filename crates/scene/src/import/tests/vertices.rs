@@ -98,7 +98,8 @@ fn accessors_and_buffers_without_data_are_zeros_until_data_is_needed() {
     let scene = document.load(&one_mesh(r#", "TEXCOORD_0": 1"#, "", ""));
     assert_eq!(scene.meshes[0].primitives[0].uvs[0], [Vec2::ZERO; 3]);
     let view = document.raw_view(r#"{"buffer": 1, "byteLength": 9}"#);
-    document.accessor(&format!(r#""bufferView": {view}, "componentType": {U8}, "count": 9, "type": "SCALAR""#));
+    document
+        .accessor(&format!(r#""bufferView": {view}, "componentType": {U8}, "count": 9, "type": "SCALAR""#));
     let error = document.refused(&one_mesh("", r#", "indices": 2"#, ""));
     assert!(error.contains("buffers[1]") && error.contains("no data"), "{error}");
 }
