@@ -35,6 +35,14 @@ Examples:
   chiaro render room.glb --camera 1 --set shadow.filter=pcss -o room.exr --aov direct --aov normal
   chiaro render fountain.glb --frames 0..240 --fps 24 -o frames/fountain.png")]
     Render(RenderArgs),
+    /// Open a window on a scene: fly through it, turn every setting, see every buffer and what each pass costs
+    #[command(after_help = "\
+Examples:
+  chiaro view
+  chiaro view room.glb --camera 1 --set shadow.filter=none
+
+H shows the keys. Scene files can be dropped onto the window.")]
+    View(ViewArgs),
     /// Measure how long each pass of a frame takes on this machine
     #[command(after_help = "\
 Examples:
@@ -146,6 +154,20 @@ pub struct RenderArgs {
     /// Write how long each pass took on the GPU
     #[arg(long, value_name = "FILE")]
     pub timings: Option<PathBuf>,
+}
+
+/// `chiaro view`
+#[derive(Debug, Args)]
+pub struct ViewArgs {
+    /// The scene; `--size` is that of the window
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The settings
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// Shaders (.wesl) that take the place of the built-in ones and are read again whenever they change [default: crates/techniques/src, where there is one]
+    #[arg(long, value_name = "FOLDER")]
+    pub shaders: Option<PathBuf>,
 }
 
 /// `chiaro bench`

@@ -34,7 +34,7 @@ impl Session {
     /// Opens the device, reads the scene, compiles the passes. Remarks for the user go to standard error.
     pub fn open(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
         let settings = settings(settings_args)?;
-        let name = scene_args.scene.clone().unwrap_or_else(|| format!("builtin:{}", scene::builtin::DEFAULT));
+        let name = scene_name(scene_args);
         let options = LoadOptions { scene: scene_args.scene_in_file.clone(), ..LoadOptions::default() };
         let mut scene = scene::load_with(&name, &options)?;
         if let Some(path) = &scene_args.environment {
@@ -78,6 +78,17 @@ impl Session {
     }
 }
 
+/// The scene that is asked for, or the default.
+pub fn scene_name(args: &SceneArgs) -> String {
+    args.scene.clone().unwrap_or_else(|| format!("builtin:{}", scene::builtin::DEFAULT))
+}
+
+/// A camera of the user's own.
+pub fn own_view(args: &SceneArgs) -> Option<View> {
+    let view = args.view.as_ref()?;
+    Some(View::look_at(view.eye_ws_m.into(), view.target_ws_m.into(), view.yfov_rad, NEAR_M))
+}
+
 /// Opens the best device, and says when it is a slow one.
 pub fn open_gpu() -> anyhow::Result<Gpu> {
     let gpu = pollster::block_on(Gpu::new(GpuOptions::default()))?;
@@ -87,7 +98,8 @@ pub fn open_gpu() -> anyhow::Result<Gpu> {
     Ok(gpu)
 }
 
-fn settings(args: &SettingsArgs) -> anyhow::Result<Settings> {
+/// Preset, changes and pipeline, in this order.
+pub fn settings(args: &SettingsArgs) -> anyhow::Result<Settings> {
     let mut settings = Settings { seed: args.seed, ..Settings::default() };
     if let Some(preset) = &args.preset {
         let is_file = std::path::Path::new(preset).extension().is_some_and(|e| e.eq_ignore_ascii_case("ron"));
@@ -116,9 +128,8 @@ fn see(scene: &Scene, pose: &Pose, eye: Eye) -> anyhow::Result<View> {
 }
 
 fn eye(scene: &Scene, args: &SceneArgs) -> anyhow::Result<Eye> {
-    if let Some(view) = &args.view {
-        let (eye, target) = (view.eye_ws_m.into(), view.target_ws_m.into());
-        return Ok(Eye::Own(View::look_at(eye, target, view.yfov_rad, NEAR_M)));
+    if let Some(view) = own_view(args) {
+        return Ok(Eye::Own(view));
     }
     let placed = scene.placed_cameras();
     let names: Vec<_> = placed.iter().map(|(camera, _)| scene.cameras[*camera].name.as_str()).collect();

@@ -146,6 +146,21 @@ impl Gpu {
         Self::open(&adapter, options.limits).await
     }
 
+    /// Opens a device that can present to a surface; the adapter tells what the surface can do.
+    ///
+    /// # Errors
+    /// When no adapter that matches can present to it, or it cannot give the guaranteed WebGPU limits.
+    pub async fn for_surface(
+        instance: &wgpu::Instance,
+        surface: &wgpu::Surface<'_>,
+        options: GpuOptions,
+    ) -> Result<(Self, wgpu::Adapter), GpuError> {
+        let mut adapters = instance.enumerate_adapters(wgpu::Backends::all()).await;
+        adapters.retain(|adapter| adapter.is_surface_supported(surface));
+        let adapter = choose(adapters, &options.adapter)?;
+        Ok((Self::open(&adapter, options.limits).await?, adapter))
+    }
+
     /// Opens a device on an adapter, for programs that choose it themselves (a window's surface, say).
     ///
     /// # Errors

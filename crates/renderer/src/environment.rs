@@ -56,7 +56,7 @@ pub fn load(path: impl AsRef<Path>, warnings: &mut Vec<String>) -> Result<Enviro
 
 /// Makes all values finite and none negative; returns how many pixels were not.
 fn repair(radiance: &mut [Vec3]) -> usize {
-    let finite = radiance.iter().flat_map(|nits| nits.to_array()).filter(|nits| nits.is_finite());
+    let finite = radiance.iter().flat_map(Vec3::to_array).filter(|nits| nits.is_finite());
     let largest = finite.fold(0.0, f32::max);
     let mut repaired = 0;
     for nits in radiance {

@@ -31,7 +31,7 @@ mod view;
 
 pub use chiaro_gpu::{
     AdapterChoice, Frame, FrameTimings, Gpu, GpuError, GpuOptions, LimitChoice, OptionalFeatures, PassLog,
-    PassTiming, Pixels, Readback, Recorder, Texture, wgpu,
+    PassTiming, Pixels, Readback, Recorder, Texture, TexturePool, shader::Library, wgpu,
 };
 pub use chiaro_scene as scene;
 pub use chiaro_techniques as techniques;

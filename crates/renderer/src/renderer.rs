@@ -223,6 +223,9 @@ impl Renderer {
         let mean = map.map(|map| map.harmonics.mean * factor);
         let Ambient { radiance: around, sky, environment: share } =
             ambient(&settings.indirect, &lights, bounds, sky_view, mean);
+        let [show_direct, show_indirect] = settings.camera.show.weights();
+        // Behind everything is a light's own radiance.
+        let sky = sky * show_direct;
         let diffuse = map.map_or([Mat4::ZERO; 3], |map| map.harmonics.turned(turn, factor * share));
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
@@ -248,7 +251,8 @@ impl Renderer {
             environment_nits: map.map_or(0.0, |map| map.nits * factor),
             environment_share: share,
             environment_turn: [turn.cos(), turn.sin()],
-            _pad: [0; 2],
+            show_direct,
+            show_indirect,
         };
         self.previous_clip_from_ws = Some(steady);
         let eye =

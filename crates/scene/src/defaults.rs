@@ -7,8 +7,10 @@ use crate::{Camera, Light, LightKind, Node, Projection, Scene, Transform};
 /// Vertical field of view of the default camera.
 const YFOV_RAD: f32 = std::f32::consts::FRAC_PI_4;
 
-/// Illuminance of the default sun on a surface that faces it, in lux: a clear afternoon.
-const SUN_LUX: f32 = 50_000.0;
+/// Illuminance of the default sun on a surface that faces it, in lux. A file without lights states no level of light;
+/// with this one, a white surface is as bright as one that emits 1 nit, which is how such files mean their emission and
+/// their unlit colours.
+const SUN_LUX: f32 = std::f32::consts::PI;
 
 /// From the scene towards the default sun: high, to the viewer's left and a little to the front, so that shadows fall
 /// across what is seen.

@@ -55,6 +55,8 @@ fn rust_structs_equal_their_wesl_twins() {
         environment_nits,
         environment_share,
         environment_turn,
+        show_direct,
+        show_indirect,
     );
     same!(
         shade,

@@ -25,6 +25,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("post/accumulate.cs.wesl"),
     shader!("post/aov.cs.wesl"),
     shader!("post/bins.wesl"),
+    shader!("post/debug_view.cs.wesl"),
     shader!("post/exposure.cs.wesl"),
     shader!("post/histogram.cs.wesl"),
     shader!("post/tone_map.cs.wesl"),
@@ -79,7 +80,11 @@ pub fn permutations() -> Vec<Permutation> {
         "surface/cull_scan.cs.wesl",
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
+    all.push(debug_view(false, false, false, true));
     for a in [false, true] {
+        all.push(debug_view(false, false, a, false));
+        all.push(debug_view(false, true, a, false));
+        all.push(debug_view(true, false, a, false));
         all.push(resolve(a, false));
         all.push(resolve(a, true));
         all.push(behind(a));
@@ -92,6 +97,12 @@ pub fn permutations() -> Vec<Permutation> {
         }
     }
     all
+}
+
+/// A buffer as a picture: what kind of texture is read, and whether it is an array. A grid is a buffer.
+pub fn debug_view(depth: bool, integer: bool, array: bool, grid: bool) -> Permutation {
+    let entry = Permutation::plain("post/debug_view.cs.wesl");
+    entry.flag("depth", depth).flag("integer", integer).flag("array", array).flag("grid", grid)
 }
 
 /// An entry file without flags.

@@ -56,6 +56,17 @@ impl Library {
         self
     }
 
+    /// The same with other texts where `text` knows one for a path.
+    #[must_use]
+    pub fn replaced(mut self, text: impl Fn(&str) -> Option<String>) -> Self {
+        for (path, known) in &mut self.files {
+            if let Some(other) = text(path) {
+                *known = Cow::Owned(other);
+            }
+        }
+        self
+    }
+
     /// Paths of all entry files: those whose name ends in `.cs.wesl` or `.rs.wesl`.
     pub fn entries(&self) -> impl Iterator<Item = &'static str> {
         self.files

@@ -72,7 +72,7 @@ fn spine() -> Vec<Vec3> {
     .to_vec();
     // Three turns on the basket's floor, against the clock as seen from above.
     marks.extend((0..22).map(|k| {
-        let angle = 3.6 + std::f32::consts::FRAC_PI_4 * (k + 1) as f32;
+        let angle = 1.75 + std::f32::consts::FRAC_PI_4 * (k + 1) as f32;
         let (r, y) = (0.135 + 0.008 * (k as f32 * 1.3).sin(), 0.178 - 0.0055 * k as f32);
         vec3(r * angle.cos(), y, -r * angle.sin())
     }));

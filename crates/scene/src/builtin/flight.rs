@@ -49,7 +49,7 @@ pub fn build() -> Scene {
             // The sun is down; the sky's last light still comes from its side.
             LightKind::Directional => {
                 light.color = vec3(0.42, 0.60, 1.0);
-                light.intensity = 900.0;
+                light.intensity = 260.0;
             }
             _ if light.name == "vault spot" => light.intensity *= 0.12,
             _ if light.name == "choir spot" => light.intensity *= 0.35,

@@ -80,7 +80,7 @@ pub fn leaf_material(stage: &mut Stage, name: &str, green: Vec3, autumn: f32) ->
             let q = p - from;
             let (s, t) = (q.dot(along) / length, q.perp_dot(along) / length);
             // A lens, widest at two fifths of its length.
-            let wide = if (0.0..1.0).contains(&s) { 0.235 * (s.powf(0.62) * (1.0 - s)) * 2.05 } else { -1.0 };
+            let wide = if (0.0..1.0).contains(&s) { 0.29 * (s.powf(0.62) * (1.0 - s)) * 2.05 } else { -1.0 };
             let inside = (wide - t.abs()) * length;
             if inside > best.0 {
                 let rib = 1.0 - (t.abs() * length / 0.0035).min(1.0);
@@ -95,7 +95,7 @@ pub fn leaf_material(stage: &mut Stage, name: &str, green: Vec3, autumn: f32) ->
         let color = if on_stem { vec3(0.16, 0.11, 0.05) } else { gold * tone };
         (color, coverage(inside * SIZE as f32))
     });
-    masked(stage, name, picture, 0.55)
+    masked(stage, name, picture, 0.7)
 }
 
 /// A tuft of grass blades, rooted at the picture's lower edge.

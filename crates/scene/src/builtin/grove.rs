@@ -25,7 +25,7 @@ pub fn build() -> Scene {
     let rail = bark_material(&mut stage, "weathered rail", vec3(0.33, 0.30, 0.26), 13);
     let leaf = leaf_material(&mut stage, "beech leaves", vec3(0.10, 0.20, 0.028), 0.25);
     let ivy = leaf_material(&mut stage, "climber leaves", vec3(0.07, 0.155, 0.035), 0.0);
-    let grass = grass_material(&mut stage, "grass", vec3(0.13, 0.19, 0.04));
+    let grass = grass_material(&mut stage, "grass", vec3(0.15, 0.215, 0.05));
 
     let (side, spacing_m) = GROUND;
     let half = (side - 1) as f32 * spacing_m / 2.0;
@@ -49,6 +49,7 @@ pub fn build() -> Scene {
         towards_sun: vec3(-0.62, 0.46, -0.64).normalize(),
         turbidity: 3.4,
         sun_lux: 68_000.0,
+        sky_lux: 12_000.0,
         ground: vec3(0.14, 0.15, 0.06),
     };
     stage.sun(sky.towards_sun, vec3(1.0, 0.86, 0.66), sky.sun_lux);
@@ -78,7 +79,7 @@ fn meadow(stage: &mut Stage, land: &Land) -> Id {
         let from_path = (p.x - path_x(p.y)).abs() + 0.9 * cloud;
         let t = ((from_path - 0.55) / 0.75).clamp(0.0, 1.0);
         let grass =
-            vec3(0.075, 0.105, 0.028).lerp(vec3(0.17, 0.16, 0.06), (0.5 + 2.0 * cloud).clamp(0.0, 1.0));
+            vec3(0.060, 0.088, 0.022).lerp(vec3(0.115, 0.125, 0.040), (0.5 + 2.0 * cloud).clamp(0.0, 1.0));
         let earth = vec3(0.23, 0.175, 0.115) * (1.0 + 0.6 * cloud);
         let fallen = if litter > 0.27 { vec3(0.26, 0.15, 0.045) } else { Vec3::ZERO };
         let color = earth.lerp(grass, t * t * (3.0 - 2.0 * t)) * (1.0 + 0.8 * grain);
@@ -108,7 +109,7 @@ fn earth(stage: &mut Stage) -> Id {
 /// Three individuals, planted in two loose rows.
 fn trees(stage: &mut Stage, land: &Land, materials: [Id; 2]) {
     let kinds = [(5.4, 0.20, 7), (6.0, 0.23, 19), (4.6, 0.17, 37)].map(|(trunk_m, radius_m, seed)| {
-        let tree = Tree { trunk_m, radius_m, spread_deg: 52.0, leaf_m: 0.42, leaves: 7, materials, seed };
+        let tree = Tree { trunk_m, radius_m, spread_deg: 52.0, leaf_m: 0.48, leaves: 9, materials, seed };
         stage.mesh("tree", tree.grow())
     });
     let places = [
@@ -183,13 +184,13 @@ fn fence(stage: &mut Stage, land: &Land, [wood, leaves]: [Id; 2]) {
 fn grasses(stage: &mut Stage, land: &Land, material: Id) {
     let mut dice = Dice::new(57);
     let mut out = Solid::default();
-    for _ in 0..5200 {
+    for _ in 0..9000 {
         let z = dice.between(-18.0, 11.5);
         let spread = dice.signed();
         let x = path_x(z) + spread.signum() * (0.75 + 8.0 * spread.abs().powf(1.6));
         let at = land.ground_at(x, z);
         // Bare under the densest trees.
-        if noise3(at / 1.7, 3) > 0.22 {
+        if noise3(at / 1.7, 3) > 0.33 {
             continue;
         }
         let height = dice.between(0.10, 0.26) * (0.7 + 0.6 * spread.abs().sqrt());

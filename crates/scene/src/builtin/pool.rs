@@ -63,14 +63,15 @@ pub fn build() -> Scene {
     surroundings(&mut stage, wall, coping);
 
     let sky = ClearSky {
-        towards_sun: vec3(-0.50, 0.84, -0.30).normalize(),
+        towards_sun: vec3(-0.52, 0.80, 0.30).normalize(),
         turbidity: 2.8,
         sun_lux: 95_000.0,
+        sky_lux: 15_000.0,
         ground: vec3(0.30, 0.27, 0.22),
     };
     stage.sun(sky.towards_sun, vec3(1.0, 0.955, 0.89), sky.sun_lux);
     stage.scene.environment = Some(sky.environment("clear noon"));
-    stage.camera("pool", vec3(-6.2, 2.15, 4.9), vec3(0.7, -0.55, -0.5), 46.0);
+    stage.camera("pool", vec3(-5.6, 2.35, 4.3), vec3(0.5, -0.75, -0.75), 48.0);
     stage.camera("surface", vec3(-3.3, 0.30, 1.35), vec3(2.4, -0.45, -0.9), 52.0);
     stage.camera("diver", vec3(-2.3, -0.72, 0.9), vec3(3.0, -1.25, -0.9), 62.0);
     stage.scene

@@ -20,6 +20,9 @@ pub struct ClearSky {
     pub turbidity: f32,
     /// Illuminance by the sun alone on a surface that faces it, lux. It lights the ground.
     pub sun_lux: f32,
+    /// Illuminance by the sky alone on level ground, lux. The model gives how radiance and colour are spread; its own
+    /// level is above what is measured under clear skies (Zotti, Wilkie, Purgathofer 2007).
+    pub sky_lux: f32,
     /// Linear albedo of the ground.
     pub ground: Vec3,
 }
@@ -28,20 +31,22 @@ impl ClearSky {
     /// The sky and the sunlit ground as seen from the middle.
     pub fn environment(&self, name: &str) -> Environment {
         let mut out = paint(name, |d| if d.y > 0.0 { self.radiance(d) } else { Vec3::ZERO });
-        let lux = horizontal_lux(&out) + self.sun_lux * self.towards_sun.y.max(0.0);
-        let ground = self.ground * lux / PI;
+        let level = self.sky_lux / horizontal_lux(&out).max(1.0);
+        let ground = self.ground * (self.sky_lux + self.sun_lux * self.towards_sun.y.max(0.0)) / PI;
         for (i, radiance) in out.radiance.iter_mut().enumerate() {
             let d = direction(i as u32 % SIZE[0], i as u32 / SIZE[0]);
             // Far ground lies in the haze: it takes on the colour of the sky above it.
-            if d.y <= 0.0 {
-                let horizon = self.radiance(vec3(d.x, 0.01, d.z).normalize());
+            if d.y > 0.0 {
+                *radiance *= level;
+            } else {
+                let horizon = self.radiance(vec3(d.x, 0.01, d.z).normalize()) * level;
                 *radiance = ground.lerp(horizon, (d.y * 14.0).exp());
             }
         }
         out
     }
 
-    /// Nits from `d`, a unit vector above the horizon.
+    /// Radiance from `d`, a unit vector above the horizon, by the model's own level, nits.
     fn radiance(&self, d: Vec3) -> Vec3 {
         let t = self.turbidity;
         let luminance = [
@@ -169,24 +174,32 @@ pub fn horizontal_lux(environment: &Environment) -> f32 {
 mod tests {
     use super::*;
 
-    fn sky(elevation_deg: f32) -> (ClearSky, Environment) {
+    fn sky(elevation_deg: f32) -> Environment {
         let e = elevation_deg.to_radians();
         let towards_sun = vec3(e.cos(), e.sin(), 0.0);
-        let sky = ClearSky { towards_sun, turbidity: 3.0, sun_lux: 90_000.0, ground: Vec3::splat(0.2) };
-        (sky, sky.environment("sky"))
+        let ground = Vec3::splat(0.2);
+        ClearSky { towards_sun, turbidity: 3.0, sun_lux: 90_000.0, sky_lux: 14_000.0, ground }
+            .environment("sky")
     }
 
     #[test]
-    fn a_clear_sky_lights_the_ground_with_five_to_twenty_five_kilolux() {
-        for elevation_deg in [20.0, 40.0, 60.0] {
-            let lux = horizontal_lux(&sky(elevation_deg).1);
-            assert!((5_000.0..25_000.0).contains(&lux), "{lux} lx at {elevation_deg}°");
+    fn the_sky_lights_the_ground_as_told_and_the_ground_sends_a_fifth_back() {
+        for elevation_deg in [10.0f32, 40.0, 70.0] {
+            let environment = sky(elevation_deg);
+            let lux = horizontal_lux(&environment);
+            assert!((lux / 14_000.0 - 1.0).abs() < 0.01, "{lux} lx at {elevation_deg}°");
+            let below = environment.radiance.last().expect("pixels").y;
+            let expected = 0.2 * (14_000.0 + 90_000.0 * elevation_deg.to_radians().sin()) / PI;
+            assert!(
+                (below / expected - 1.0).abs() < 0.01,
+                "{below} nits at {elevation_deg}°, not {expected}"
+            );
         }
     }
 
     #[test]
     fn the_sky_is_blue_away_from_the_sun_and_brightest_beside_it() {
-        let (_, environment) = sky(40.0);
+        let environment = sky(40.0);
         let at = |d: Vec3| {
             let d = d.normalize();
             let (u, v) = ((d.x.atan2(-d.z) / TAU).rem_euclid(1.0), d.y.acos() / PI);

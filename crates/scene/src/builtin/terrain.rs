@@ -62,6 +62,7 @@ pub fn build() -> Scene {
         towards_sun: vec3(-0.80, 0.50, -0.28).normalize(),
         turbidity: 3.0,
         sun_lux: 82_000.0,
+        sky_lux: 13_500.0,
         ground: vec3(0.16, 0.15, 0.09),
     };
     stage.sun(sky.towards_sun, vec3(1.0, 0.92, 0.80), sky.sun_lux);
@@ -94,8 +95,8 @@ fn heights() -> HeightMap {
         ((hills + rim) * open * (0.25 + (from_place / 40.0).min(1.0)) + detail) / SPACING_M
     });
     map.erode(9_000, 77);
+    map.smooth(0.6);
     map.smooth(0.5);
-    map.smooth(0.35);
     map.shape(|column, row, height| {
         let p = level(column, row);
         let from_place = vec2(p.x - PLACE.x, p.z - PLACE.z).length();
@@ -186,7 +187,7 @@ fn sculpture(material: Id) -> Primitive {
 /// Boulders of three shapes, more of them where it is steep.
 fn boulders(stage: &mut Stage, land: &Land, material: Id) {
     let meshes = [0, 1, 2].map(|kind| {
-        let mut solid = ball(1.0, 4, material);
+        let mut solid = ball(1.0, 3, material);
         for t in &mut solid.triangles {
             t.p = t.p.map(|p| {
                 let lumps = 1.0 + 0.9 * fractal3(p * 1.1 + 9.0 * kind as f32, 4, 90 + kind);

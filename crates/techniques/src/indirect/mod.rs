@@ -1,5 +1,5 @@
 //! Indirect light. So far an estimate: [`Technique::Ambient`] stands in for what bounces, until imperfect shadow maps do
-//! it right.
+//! it right. An environment map's own light is in [`crate::environment`]; here is how much of it arrives.
 
 mod openness;
 

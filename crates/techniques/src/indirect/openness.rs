@@ -3,6 +3,8 @@
 use chiaro_scene::Scene;
 use glam::{UVec3, Vec3};
 
+use crate::surface::material::see_through;
+
 /// Cells along the scene's longest side.
 const CELLS: f32 = 128.0;
 /// Directions over the whole sphere.
@@ -32,8 +34,8 @@ pub struct Openness {
 }
 
 impl Openness {
-    /// Fills the grid. Points half a cell apart stand for a triangle: what is thinner than a cell stays closed,
-    /// openings smaller than a cell close up.
+    /// Fills the grid with what is not see-through: windows are open. Points half a cell apart stand for a triangle:
+    /// what is thinner than a cell stays closed, openings smaller than a cell close up.
     pub fn new(scene: &Scene) -> Self {
         let (lo, hi) = scene.bounds().unwrap_or((Vec3::ZERO, Vec3::ZERO));
         let cell_m = ((hi - lo).max_element() / CELLS).max(1e-6);
@@ -41,7 +43,8 @@ impl Openness {
         let mut grid =
             Self { lo, cell_m, size, full: vec![0; (size.element_product() as usize).div_ceil(64)] };
         for (node, world) in scene.nodes.iter().zip(scene.world_from_node()) {
-            for p in node.mesh.iter().flat_map(|mesh| &scene.meshes[*mesh].primitives) {
+            let primitives = node.mesh.iter().flat_map(|mesh| &scene.meshes[*mesh].primitives);
+            for p in primitives.filter(|p| !see_through(&scene.materials[p.material])) {
                 for t in p.indices.chunks_exact(3) {
                     let [a, b, c] =
                         [t[0], t[1], t[2]].map(|i| world.transform_point3(p.positions[i as usize]));

@@ -7,9 +7,11 @@
 //!
 //! Exposure is deterministic: a histogram of integer counts, no history.
 
+mod debug_view;
 mod settings;
 
-pub use settings::{CameraSettings, Curve, Exposure};
+pub use debug_view::{DebugView, Mapping};
+pub use settings::{CameraSettings, Curve, Exposure, Show};
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
@@ -177,6 +179,11 @@ impl Display {
             exposure_value: Buffer::new(gpu, "exposure", Life::Frame, 16, storage),
             curve: uniform::<[u32; 4]>(gpu, "tone_map"),
         })
+    }
+
+    /// The factor from nits to the picture's linear values, one float. Written by [`Display::record`].
+    pub fn exposure(&self) -> &Buffer {
+        &self.exposure_value
     }
 
     /// A picture's texture.

@@ -15,6 +15,29 @@ choice! {
     }
 }
 
+choice! {
+    /// Which light a picture shows.
+    pub enum Show {
+        /// All of it.
+        Both = "both",
+        /// What comes from lights without a bounce, what glows, and what is behind everything.
+        Direct = "direct",
+        /// What bounced, and what stands in for it.
+        Indirect = "indirect",
+    }
+}
+
+impl Show {
+    /// Weights of direct and of indirect light.
+    pub fn weights(self) -> [f32; 2] {
+        match self {
+            Self::Both => [1.0, 1.0],
+            Self::Direct => [1.0, 0.0],
+            Self::Indirect => [0.0, 1.0],
+        }
+    }
+}
+
 /// Exposure of pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exposure {
@@ -44,12 +67,14 @@ impl Value for Exposure {
 }
 
 settings! {
-    /// From radiance to the screen. EXR files are not touched by these.
+    /// From radiance to the screen. EXR files are not touched by these, except by `show`.
     pub struct CameraSettings: "camera" {
         /// Exposure: auto from the picture's histogram, or by hand; +1 halves the brightness. 15 suits a sunny day,
         /// 7 a lit room.
         exposure_ev100: Exposure = Exposure::Auto, "EV100", -16.0..=24.0, Uniform;
         /// Curve from exposed radiance to the screen.
         tone_map: Curve = Curve::Aces, "", (), Uniform;
+        /// Which light the picture shows: both, direct or indirect alone.
+        show: Show = Show::Both, "", (), Uniform;
     }
 }

@@ -9,7 +9,7 @@ use crate::environment;
 /// What is the same for every pass of a frame; see `frame.wesl` for meanings and units.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[allow(missing_docs, clippy::pub_underscore_fields)]
+#[allow(missing_docs)]
 pub struct FrameData {
     pub clip_from_ws: [[f32; 4]; 4],
     pub relative_from_clip: [[f32; 4]; 4],
@@ -34,7 +34,8 @@ pub struct FrameData {
     pub environment_nits: f32,
     pub environment_share: f32,
     pub environment_turn: [f32; 2],
-    pub _pad: [u32; 2],
+    pub show_direct: f32,
+    pub show_indirect: f32,
 }
 
 /// A light as shaders see it; see `frame.wesl`.

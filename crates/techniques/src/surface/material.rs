@@ -130,7 +130,7 @@ pub fn pack(material: &cs::Material, slots: &TextureSlots, geometry: &mut Vec<u3
         emissive_texture: texture(&material.emissive_texture, false),
         specular_texture: texture(&material.specular_texture, true),
         specular_color_texture: texture(&material.specular_color_texture, false),
-        transmission_texture: [0; 2],
-        thickness_texture: [0; 2],
+        transmission_texture: texture(&material.transmission_texture, true),
+        thickness_texture: texture(&material.thickness_texture, true),
     }
 }

@@ -112,6 +112,8 @@ impl SceneFacts {
                 m.emissive_texture.is_some(),
                 m.specular_texture.is_some(),
                 m.specular_color_texture.is_some(),
+                m.transmission_texture.is_some(),
+                m.thickness_texture.is_some(),
             ];
             uses.iter().enumerate().fold(0, |bits, (bit, used)| bits | u32::from(*used) << bit)
         };

@@ -88,8 +88,14 @@ fn uses(scene: &cs::Scene) -> Vec<[bool; 2]> {
     let mut uses = vec![[false; 2]; scene.textures.len()];
     for m in &scene.materials {
         let color = [&m.base_color_texture, &m.emissive_texture, &m.specular_color_texture];
-        let linear =
-            [&m.metallic_roughness_texture, &m.normal_texture, &m.occlusion_texture, &m.specular_texture];
+        let linear = [
+            &m.metallic_roughness_texture,
+            &m.normal_texture,
+            &m.occlusion_texture,
+            &m.specular_texture,
+            &m.transmission_texture,
+            &m.thickness_texture,
+        ];
         for reference in color.into_iter().flatten() {
             uses[reference.texture][0] = true;
         }

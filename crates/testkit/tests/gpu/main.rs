@@ -13,3 +13,4 @@ mod robust;
 mod shadows;
 mod surface;
 mod textures;
+mod transparency;

@@ -157,6 +157,13 @@ impl Palette {
     }
 }
 
+impl Palette {
+    /// What a pierced wall is made of.
+    pub fn wall_and_trim(&self) -> [Id; 2] {
+        [self.wall, self.trim]
+    }
+}
+
 fn named(name: &str, roughness: f32) -> Material {
     Material { name: name.to_owned(), roughness, ..Material::default() }
 }

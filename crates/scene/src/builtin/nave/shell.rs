@@ -7,13 +7,11 @@ use super::super::{
     shape::{Joins, bevelled, circle, cuboid, prism, skin},
     solid::Solid,
     stage::Stage,
+    wall::{Panel, Reveal, finish, pierced},
 };
 use super::{
     AISLE_AXIS, AISLE_WALL, AISLE_WALL_TOP, BAY, BAYS, END_WALL, FOOTING, HALF_LENGTH, NAVE_WALL,
-    NAVE_WALL_TOP,
-    materials::Palette,
-    tracery,
-    walls::{Panel, Reveal, finish, pierced, splay},
+    NAVE_WALL_TOP, materials::Palette, tracery, walls::splay,
 };
 
 /// Where the end walls' lower panels end and the rose's panel begins.
@@ -103,7 +101,7 @@ fn rose_wall(m: &Palette) -> Solid {
     let wall = skin(&rings, Joins { ring: true, path: true }, |strip| {
         if strip == 0 || strip >= outer { m.wall } else { m.trim }
     });
-    let mut out = finish(wall, m);
+    let mut out = finish(wall, m.wall);
     out.append(tracery::rose(centre, ROSE.1, 0.72, m));
     let disc: Vec<Vec2> = circle(48, ROSE.1 + 0.08).iter().map(|p| *p + centre).collect();
     out.append(tracery::pane(&disc, 0.74, m.rose_glass));
@@ -114,7 +112,8 @@ fn rose_wall(m: &Palette) -> Solid {
 fn lancet(m: &Palette) -> Solid {
     let panel = Panel { half_width: 1.35, bottom: FOOTING, top: ROSE_PANEL, thickness: END_WALL };
     let opening = Opening { arch: PointedArch::new(0.62, 1.7), springing: 6.0, sill: 3.2, segments: 8 };
-    let mut out = pierced(panel, opening, &splay(0.30, 0.3, opening.sill, END_WALL), false, m);
+    let mut out =
+        pierced(panel, opening, &splay(0.30, 0.3, opening.sill, END_WALL), false, m.wall_and_trim());
     out.append(tracery::saddle_bars(opening, 0.74, m));
     out.append(tracery::pane(&tracery::lancet_outline(opening), 0.76, m.lancet_glass));
     out
@@ -137,7 +136,7 @@ fn aisle_end(m: &Palette) -> Solid {
     let half_width = (AISLE_WALL[0] - NAVE_WALL[1]) / 2.0;
     let panel = Panel { half_width, bottom: FOOTING, top: AISLE_WALL_TOP, thickness: END_WALL };
     let opening = AISLE_END_WINDOW;
-    pierced(panel, opening, &splay(0.30, 0.3, opening.sill, END_WALL), false, m)
+    pierced(panel, opening, &splay(0.30, 0.3, opening.sill, END_WALL), false, m.wall_and_trim())
 }
 
 /// Door and window in the west.
@@ -157,7 +156,7 @@ fn west_front(m: &Palette) -> Solid {
         line(0.0, 0.42),
         line(0.0, END_WALL),
     ];
-    let mut out = pierced(lower, door, &steps, false, m);
+    let mut out = pierced(lower, door, &steps, false, m.wall_and_trim());
     let leaf = door.widened(0.1, -0.1).outline();
     out.append(prism(&leaf, -0.80, -0.70, m.oak));
     for i in -2..=2 {
@@ -167,7 +166,7 @@ fn west_front(m: &Palette) -> Solid {
     }
     let upper = Panel { bottom: ROSE_PANEL, top: NAVE_WALL_TOP, ..lower };
     let window = WEST_WINDOW;
-    out.append(pierced(upper, window, &splay(0.34, 0.3, window.sill, END_WALL), false, m));
+    out.append(pierced(upper, window, &splay(0.34, 0.3, window.sill, END_WALL), false, m.wall_and_trim()));
     out.append(tracery::two_lights(window, 0.8, m));
     out
 }

@@ -1,4 +1,4 @@
-//! Stone bars in windows, in a wall panel's space (see `Panel` in `walls`).
+//! Stone bars in windows, in a wall panel's space (see `Panel` in `wall`).
 
 use std::f32::consts::TAU;
 

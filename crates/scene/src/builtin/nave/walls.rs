@@ -1,11 +1,12 @@
-//! The walls of a bay: pierced, moulded, closed bodies.
+//! The walls of a bay.
 
-use glam::{Affine3A, Vec2, Vec2Swizzles, Vec3, vec2, vec3};
+use glam::{Affine3A, Vec2, Vec3, vec2, vec3};
 
 use super::super::{
     arch::{Opening, PointedArch},
-    shape::{CREASE_DEG, Joins, arc, polygon, prism, skin},
-    solid::{Solid, Triangle},
+    shape::{arc, prism},
+    solid::Solid,
+    wall::{Panel, Reveal, pierced},
 };
 use super::{
     AISLE_WALL, AISLE_WALL_TOP, ARCADE_SPRINGING, BAY, CLERESTORY, FOOTING, NAVE_WALL, NAVE_WALL_TOP,
@@ -18,62 +19,6 @@ pub const CLERESTORY_WINDOW: Opening =
 /// The aisles' windows.
 pub const AISLE_WINDOW: Opening =
     Opening { arch: PointedArch::new(0.95, 1.5), springing: 5.3, sill: 2.7, segments: 6 };
-
-/// A wall panel in its own space: x along the wall, its inner face at z = 0 looking to +z.
-#[derive(Clone, Copy)]
-pub struct Panel {
-    /// It reaches from −this to this.
-    pub half_width: f32,
-    /// Lower edge.
-    pub bottom: f32,
-    /// Upper edge.
-    pub top: f32,
-    /// It reaches to z = −this.
-    pub thickness: f32,
-}
-
-/// One line of an opening's jamb and head: how far back from the opening, how deep, and the sill's height there.
-#[derive(Clone, Copy)]
-pub struct Reveal {
-    /// Distance outwards from the opening's outline, metres.
-    pub back: f32,
-    /// Depth behind the inner face, metres.
-    pub depth: f32,
-    /// Height of the sill at this depth.
-    pub sill: f32,
-}
-
-/// A panel pierced by an opening whose reveal follows `profile` from the inner to the outer face. With `to_floor`
-/// the opening has no sill but ends at the panel's lower edge.
-pub fn pierced(panel: Panel, opening: Opening, profile: &[Reveal], to_floor: bool, m: &Palette) -> Solid {
-    let at = |outline: Vec<Vec2>, depth: f32| outline.iter().map(|p| p.extend(-depth)).collect::<Vec<_>>();
-    let edge = opening.panel_edge(panel.half_width, panel.bottom, panel.top);
-    let mut rings = vec![at(edge.clone(), 0.0)];
-    rings.extend(profile.iter().map(|r| at(opening.widened(r.back, r.sill).outline(), r.depth)));
-    rings.push(at(edge, panel.thickness));
-    let outer = profile.len();
-    let joins = Joins { ring: !to_floor, path: true };
-    let mut out = skin(&rings, joins, |strip| if strip == 0 || strip >= outer { m.wall } else { m.trim });
-    if to_floor {
-        let end = |i: usize| rings.iter().map(|r| r[i]).collect::<Vec<_>>();
-        let mut last = end(rings[0].len() - 1);
-        last.reverse();
-        out.append(polygon(&end(0), m.trim));
-        out.append(polygon(&last, m.trim));
-    }
-    finish(out, m)
-}
-
-/// Hard and soft edges, outward faces, and courses that run on over whole walls.
-pub fn finish(solid: Solid, m: &Palette) -> Solid {
-    let mut out = solid.smooth(CREASE_DEG).outward();
-    let (wall, rest): (Vec<_>, Vec<_>) = out.triangles.into_iter().partition(|t| t.material == m.wall);
-    out = Solid { triangles: wall }.planar_uv();
-    // Along mouldings beds follow the arch: v must run along the outline, which is what rings follow.
-    let along = rest.into_iter().map(|t| Triangle { uv: t.uv.map(Vec2Swizzles::yx), ..t }).collect();
-    out.append(Solid { triangles: along });
-    out
-}
 
 /// From a panel's space to the south side's: its inner face at `x`, looking to −x. Exact, unlike a rotation by
 /// sine and cosine.
@@ -104,7 +49,7 @@ pub fn arcade(m: &Palette) -> Solid {
         sill: 0.0,
         segments: 7,
     };
-    to_south(pierced(panel, opening, &archivolt(thickness), true, m), NAVE_WALL[0])
+    to_south(pierced(panel, opening, &archivolt(thickness), true, m.wall_and_trim()), NAVE_WALL[0])
 }
 
 /// The upper wall with its window: splayed inside, steeply sloping sill, tracery near the outer face.
@@ -112,7 +57,8 @@ pub fn clerestory(m: &Palette) -> Solid {
     let thickness = NAVE_WALL[1] - NAVE_WALL[0];
     let panel = Panel { half_width: BAY / 2.0, bottom: CLERESTORY, top: NAVE_WALL_TOP, thickness };
     let opening = CLERESTORY_WINDOW;
-    let mut solid = pierced(panel, opening, &splay(0.34, 0.8, opening.sill, thickness), false, m);
+    let mut solid =
+        pierced(panel, opening, &splay(0.34, 0.8, opening.sill, thickness), false, m.wall_and_trim());
     solid.append(tracery::two_lights(opening, 0.72, m));
     to_south(solid, NAVE_WALL[0])
 }
@@ -122,7 +68,8 @@ pub fn aisle(m: &Palette) -> Solid {
     let thickness = AISLE_WALL[1] - AISLE_WALL[0];
     let panel = Panel { half_width: BAY / 2.0, bottom: FOOTING, top: AISLE_WALL_TOP, thickness };
     let opening = AISLE_WINDOW;
-    let mut solid = pierced(panel, opening, &splay(0.34, 0.5, opening.sill, thickness), false, m);
+    let mut solid =
+        pierced(panel, opening, &splay(0.34, 0.5, opening.sill, thickness), false, m.wall_and_trim());
     solid.append(tracery::mullion(opening, 0.72, m));
     let half = BAY / 2.0;
     let bench: [(f32, f32); 6] =

@@ -1,0 +1,33 @@
+//! `chiaro view`
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use chiaro_viewer::{Options, StartCamera};
+
+use crate::args::ViewArgs;
+use crate::session::{own_view, scene_name, settings};
+
+/// Where the shaders lie in a checkout of chiaro.
+const SOURCES: &str = "crates/techniques/src";
+
+pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
+    let scene = scene_name(&args.scene);
+    if !scene.starts_with("builtin:") && !Path::new(&scene).exists() {
+        bail!("{scene}: there is no such file; `chiaro scenes` lists the built-in scenes");
+    }
+    let camera = match (own_view(&args.scene), &args.scene.camera) {
+        (Some(view), _) => StartCamera::At(view),
+        (None, Some(wanted)) => StartCamera::Named(wanted.clone()),
+        (None, None) => StartCamera::First,
+    };
+    let size = [args.scene.size.width, args.scene.size.height];
+    let environment = args.scene.environment.clone();
+    let settings = settings(&args.settings)?;
+    let shaders = match &args.shaders {
+        Some(folder) if !folder.is_dir() => bail!("--shaders {}: there is no such folder", folder.display()),
+        Some(folder) => Some(folder.clone()),
+        None => Some(PathBuf::from(SOURCES)).filter(|folder| folder.is_dir()),
+    };
+    Ok(chiaro_viewer::run(Options { scene, environment, settings, camera, size, shaders })?)
+}

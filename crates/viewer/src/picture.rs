@@ -1,0 +1,225 @@
+//! The picture in the window: one frame while something moves, an average of many while everything rests.
+
+use chiaro::techniques::post::{Display, Sum};
+use chiaro::{Frame, Gpu, Jitter, Pixels, Readback, Settings, Texture, TexturePool, View};
+use glam::Vec2;
+
+use crate::buffers::{self, Drawn, Place, Shown};
+use crate::engine::Engine;
+use crate::stage::Stage;
+
+/// Jittered frames that a resting picture is the mean of.
+pub const REST_FRAMES: u32 = 64;
+/// Sums of more than this lose precision.
+const MAX_FRAMES: u32 = 1 << 16;
+
+/// What a picture depends on. Equal keys give equal pictures.
+#[derive(Clone, Debug, PartialEq)]
+struct Key {
+    view: View,
+    settings: Settings,
+    scene: u64,
+    time_s: f64,
+    generation: u64,
+    shown: Shown,
+}
+
+/// Textures of the picture and what lies in them.
+#[derive(Debug)]
+pub struct Picture {
+    gpu: Gpu,
+    pool: TexturePool,
+    textures: Option<(Sum, Texture)>,
+    key: Option<Key>,
+    // Scratch and picture of the buffer that is shown.
+    buffer: Option<(Sum, Texture)>,
+    drawn: Option<Drawn>,
+    // The sum holds a frame of a picture that moved, taken without jitter.
+    moved: bool,
+}
+
+impl Picture {
+    /// Nothing to show yet.
+    pub fn new(gpu: &Gpu) -> Self {
+        Self {
+            gpu: gpu.clone(),
+            pool: TexturePool::default(),
+            textures: None,
+            key: None,
+            buffer: None,
+            drawn: None,
+            moved: false,
+        }
+    }
+
+    /// The picture, 8-bit sRGB.
+    pub fn texture(&self) -> Option<&Texture> {
+        self.textures.as_ref().map(|(_, picture)| picture)
+    }
+
+    /// What the buffer that is shown turned out to be.
+    pub fn drawn(&self) -> Option<Drawn> {
+        self.drawn
+    }
+
+    /// The texture that buffers are drawn to.
+    pub fn buffer_texture(&self) -> Option<&Texture> {
+        self.buffer.as_ref().map(|(_, picture)| picture)
+    }
+
+    /// Frames averaged.
+    pub fn frames(&self) -> u32 {
+        self.textures.as_ref().map_or(0, |(sum, _)| sum.frames())
+    }
+
+    /// Makes room; `true` when the texture is another than before.
+    pub fn resize(&mut self, size_px: [u32; 2]) -> bool {
+        let same = |(sum, _): &(Sum, Texture)| {
+            let options = sum.texture().options();
+            [options.width, options.height] == size_px
+        };
+        if self.textures.as_ref().is_some_and(same) {
+            return false;
+        }
+        self.textures = None;
+        self.buffer = None;
+        self.drawn = None;
+        self.pool.trim();
+        let picture = Display::picture(&self.gpu, &self.pool, size_px);
+        self.textures = Some((Sum::new(&self.gpu, &self.pool, size_px), picture));
+        self.key = None;
+        true
+    }
+
+    /// Whether a frame would change anything.
+    pub fn wants_frame(
+        &mut self,
+        engine: &Engine,
+        stage: &Stage,
+        view: &View,
+        (time_s, shown): (f64, Shown),
+    ) -> bool {
+        let key = Key {
+            view: *view,
+            settings: engine.renderer.settings().clone(),
+            scene: stage.loaded.gpu.id(),
+            time_s,
+            generation: engine.generation,
+            shown,
+        };
+        let Some((sum, _)) = &mut self.textures else { return false };
+        if self.key.as_ref() != Some(&key) {
+            self.key = Some(key);
+            self.moved = true;
+            sum.restart();
+        } else if self.moved {
+            // At rest now: the average starts with a jittered frame.
+            self.moved = false;
+            sum.restart();
+        } else if sum.frames() >= MAX_FRAMES {
+            sum.restart();
+        }
+        sum.frames() < REST_FRAMES
+    }
+
+    /// Where within the pixel the next frame is taken, and how much smaller than a pixel textures are filtered.
+    fn jitter(&self) -> (Vec2, f32) {
+        if self.moved {
+            return (Vec2::ZERO, 1.0);
+        }
+        let jitter = Jitter::new(REST_FRAMES);
+        // Its second offset is the pixel's middle; swapped in pairs the picture does not jump when it comes to rest.
+        let index = (self.frames() % REST_FRAMES) ^ 1;
+        (jitter.offset_px(index), jitter.footprint_scale())
+    }
+
+    /// Makes room for a buffer's picture; `true` when it is another texture than before.
+    pub fn show_buffer(&mut self, place: Place) -> bool {
+        let Some((_, picture)) = self.textures.as_ref().filter(|_| place != Place::Off) else {
+            self.drawn = None;
+            return false;
+        };
+        if self.buffer.is_some() {
+            return false;
+        }
+        let options = picture.options();
+        let size_px = [options.width, options.height];
+        let picture = Display::picture(&self.gpu, &self.pool, size_px);
+        self.buffer = Some((Sum::new(&self.gpu, &self.pool, size_px), picture));
+        true
+    }
+
+    /// Records a frame, its sum and its picture, and the buffer that is shown.
+    pub fn record(
+        &mut self,
+        frame: &mut Frame<'_>,
+        engine: &mut Engine,
+        (stage, view): (&Stage, &View),
+        shown: Shown,
+    ) {
+        let (jitter_px, footprint_scale) = self.jitter();
+        let Some((sum, picture)) = &mut self.textures else { return };
+        let Engine { renderer, passes, .. } = engine;
+        let options = picture.options();
+        let size_px = [options.width, options.height];
+        renderer.prepare(&stage.loaded, view, size_px, jitter_px, footprint_scale);
+        let buffer = self.buffer.as_mut().filter(|_| shown.place != Place::Off);
+        let outputs = renderer.frame(frame, &stage.loaded, buffer.is_some());
+        passes.accumulator.record(frame, &outputs.radiance, 1.0 / stage.loaded.radiance_scale, sum);
+        passes.display.record(frame, &renderer.settings().camera, sum, picture);
+        if let Some((scratch, picture)) = buffer {
+            self.drawn = Some(buffers::draw(frame, engine, stage, &outputs, shown, (scratch, picture)));
+        }
+    }
+
+    /// A copy of the picture and of its radiance (nits summed over the frames) on their way to the CPU.
+    ///
+    /// # Errors
+    /// When it is too large to be read.
+    pub fn read(&self, shown: Shown) -> Option<Result<Shot, chiaro::GpuError>> {
+        let (sum, picture) = self.textures.as_ref()?;
+        let picture = match &self.buffer {
+            Some((_, buffer)) if shown.place == Place::Full => buffer,
+            _ => picture,
+        };
+        let start = || {
+            Ok(Shot {
+                picture: Readback::start(&self.gpu, picture)?,
+                radiance: Readback::start(&self.gpu, sum.texture())?,
+                frames: sum.frames(),
+            })
+        };
+        Some(start())
+    }
+}
+
+/// A screenshot on its way.
+#[derive(Debug)]
+pub struct Shot {
+    picture: Readback,
+    radiance: Readback,
+    frames: u32,
+}
+
+/// A screenshot that has arrived.
+#[derive(Debug)]
+pub struct Pair {
+    /// 8-bit sRGB.
+    pub picture: Pixels,
+    /// Rgba32Float, nits summed over `frames`.
+    pub radiance: Pixels,
+    /// How many frames were summed.
+    pub frames: u32,
+}
+
+impl Shot {
+    /// The pixels if they have arrived.
+    ///
+    /// # Errors
+    /// When the device was lost meanwhile.
+    pub fn poll(&self, gpu: &Gpu) -> Result<Option<Pair>, chiaro::GpuError> {
+        let (picture, radiance) = (self.picture.poll(gpu)?, self.radiance.poll(gpu)?);
+        let both = picture.zip(radiance);
+        Ok(both.map(|(picture, radiance)| Pair { picture, radiance, frames: self.frames }))
+    }
+}

@@ -1,0 +1,67 @@
+//! A scene on show: what is on the GPU, and what the panel says about it.
+
+use chiaro::scene::{self, Pose, Scene};
+use chiaro::{Error, Kit, LoadedScene, View};
+
+/// A scene, ready to be rendered.
+#[derive(Debug)]
+pub struct Stage {
+    /// As it was asked for: a path, or `builtin:NAME`.
+    pub source: String,
+    /// For the title.
+    pub name: String,
+    /// On the CPU, for poses and cameras.
+    pub scene: Scene,
+    /// On the GPU.
+    pub loaded: LoadedScene,
+    /// Names of the cameras, in placing order.
+    pub cameras: Vec<String>,
+    /// Seconds of its animation.
+    pub duration_s: Option<f64>,
+    /// Where everything is now.
+    pub pose: Pose,
+}
+
+impl Stage {
+    /// Reads and uploads a scene. Takes up to seconds; any thread may do it.
+    ///
+    /// # Errors
+    /// When it cannot be read, or does not fit the adapter.
+    pub fn load(kit: &Kit, source: &str, environment: Option<&str>) -> Result<Self, Error> {
+        let mut scene = scene::load(source)?;
+        if let Some(file) = environment {
+            scene.environment = Some(chiaro::environment::load(file, &mut scene.warnings)?);
+        }
+        scene.add_default_view();
+        let loaded = kit.upload(&scene)?;
+        let file = source.strip_prefix("builtin:").unwrap_or(source);
+        let name = file.rsplit(['/', '\\']).next().unwrap_or(file).to_owned();
+        let cameras = scene.placed_cameras();
+        let label = |(number, (camera, _)): (usize, &(usize, glam::Mat4))| {
+            let name = &scene.cameras[*camera].name;
+            if name.is_empty() { format!("camera {number}") } else { name.clone() }
+        };
+        let cameras = cameras.iter().enumerate().map(label).collect();
+        let duration_s = scene.duration_s().map(f64::from).filter(|s| *s > 0.0);
+        let pose = scene.pose(0.0);
+        Ok(Self { source: source.to_owned(), name, cameras, duration_s, pose, loaded, scene })
+    }
+
+    /// Moves everything to a moment.
+    pub fn set_time(&mut self, time_s: f64) {
+        self.pose = self.scene.pose(time_s);
+        self.loaded.set_pose(&self.scene, &self.pose);
+    }
+
+    /// The scene's camera of that number, at the present moment.
+    pub fn view(&self, camera: usize) -> Option<View> {
+        View::from_pose(&self.scene, &self.pose, camera)
+    }
+
+    /// Length of the scene's diagonal, metres; 1 where there is nothing.
+    pub fn size_m(&self) -> f32 {
+        let (lo, hi) = self.loaded.gpu.bounds_ws;
+        let length = (hi - lo).length();
+        if length > 0.0 && length.is_finite() { length } else { 1.0 }
+    }
+}

@@ -1,0 +1,625 @@
+//! The viewer without its window.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use chiaro::{Gpu, GpuError, Library, Recorder, Settings, View, wgpu};
+use egui_wgpu::ScreenDescriptor;
+
+use crate::buffers::Place;
+use crate::camera::FlyCamera;
+use crate::engine::{Engine, Rebuilt};
+use crate::files;
+use crate::jobs::Jobs;
+use crate::panel::{Notices, PanelState};
+use crate::picture::{Picture, Shot};
+use crate::playback::Playback;
+use crate::reload::ShaderFiles;
+use crate::stage::Stage;
+use crate::timings::TimingHistory;
+
+/// Which camera a viewer starts with.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum StartCamera {
+    /// The scene's first.
+    #[default]
+    First,
+    /// The scene's camera of this name or number.
+    Named(String),
+    /// One of your own.
+    At(View),
+}
+
+/// What a viewer starts with.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// A scene file, or `builtin:NAME`.
+    pub scene: String,
+    /// A picture of the surroundings that takes the place of the scene's own.
+    pub environment: Option<PathBuf>,
+    /// Settings.
+    pub settings: Settings,
+    /// Camera.
+    pub camera: StartCamera,
+    /// Size of the window's inside, in pixels.
+    pub size: [u32; 2],
+    /// A folder of WESL files that take the place of the built-in shaders, and are read again when they change.
+    pub shaders: Option<PathBuf>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            scene: format!("builtin:{}", chiaro::scene::builtin::DEFAULT),
+            environment: None,
+            settings: Settings::default(),
+            camera: StartCamera::First,
+            size: [1280, 800],
+            shaders: None,
+        }
+    }
+}
+
+/// What a frame is drawn to.
+#[derive(Clone, Copy, Debug)]
+pub struct Canvas<'a> {
+    /// Of the format that the viewer was made for.
+    pub view: &'a wgpu::TextureView,
+    /// Pixels.
+    pub size_px: [u32; 2],
+}
+
+/// What a frame asks of the window.
+#[derive(Default)]
+pub struct Outcome {
+    /// Cursor, clipboard, input method.
+    pub platform: egui::PlatformOutput,
+    /// When the next frame is due; zero is at once.
+    pub repaint_after: Duration,
+    /// The window's title.
+    pub title: String,
+    /// Whether the mouse belongs to the camera: hidden and kept in the window.
+    pub grabs_mouse: bool,
+    /// Whether frames wait for the screen.
+    pub vsync: bool,
+    /// Whether the window fills the screen.
+    pub fullscreen: bool,
+    /// The device is gone, and why: a new viewer is needed, see [`Viewer::memory`].
+    pub lost: Option<String>,
+}
+
+impl std::fmt::Debug for Outcome {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut text = f.debug_struct("Outcome");
+        text.field("repaint_after", &self.repaint_after).field("title", &self.title);
+        text.field("lost", &self.lost).finish_non_exhaustive()
+    }
+}
+
+/// What jobs report.
+pub(crate) enum Report {
+    Started(Result<Box<Engine>, String>),
+    Loaded(Result<Box<Stage>, String>),
+    Rebuilt(Result<Box<Rebuilt>, String>, Purpose),
+    Written(Result<String, String>),
+}
+
+/// What a compilation was for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    Settings,
+    Shaders,
+}
+
+/// Where the picture is taken from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Eye {
+    /// A camera of the scene, which may move.
+    Placed(usize),
+    /// Where the user flew.
+    Free(FlyCamera),
+}
+
+/// A scene, its picture and the panel, over input events and a texture to draw to.
+pub struct Viewer {
+    pub(crate) gpu: Gpu,
+    pub(crate) ctx: egui::Context,
+    painter: egui_wgpu::Renderer,
+    pub(crate) recorder: Recorder,
+    jobs: Jobs<Report>,
+    pub(crate) engine: Option<Engine>,
+    pub(crate) stage: Option<Stage>,
+    // Loaded, but its materials still need passes.
+    incoming: Option<Box<Stage>>,
+    pub(crate) loading: Option<String>,
+    pub(crate) building: bool,
+    // What the panel shows; in force once everything it needs is compiled.
+    pub(crate) wanted: Settings,
+    start: StartCamera,
+    pub(crate) eye: Eye,
+    // Metres per second.
+    pub(crate) speed: f32,
+    pub(crate) playback: Playback,
+    pub(crate) picture: Picture,
+    pub(crate) picture_id: Option<egui::TextureId>,
+    pub(crate) buffer_id: Option<egui::TextureId>,
+    shot: Option<(Shot, files::Wanted)>,
+    // Files that are watched, and those read that are not compiled yet.
+    shader_files: Option<ShaderFiles>,
+    shaders: Option<Library>,
+    shader_folder: Option<PathBuf>,
+    pub(crate) timings: TimingHistory,
+    pub(crate) panel: PanelState,
+    pub(crate) notices: Notices,
+    source: String,
+    environment: Option<String>,
+    animated: bool,
+}
+
+impl std::fmt::Debug for Viewer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Viewer").field("scene", &self.source).finish_non_exhaustive()
+    }
+}
+
+/// Lets egui show a texture, under the name that the one before it had.
+fn offer(
+    painter: &mut egui_wgpu::Renderer,
+    gpu: &Gpu,
+    view: &wgpu::TextureView,
+    known: Option<egui::TextureId>,
+) -> egui::TextureId {
+    let filter = wgpu::FilterMode::Linear;
+    match known {
+        None => painter.register_native_texture(&gpu.device, view, filter),
+        Some(id) => {
+            painter.update_egui_texture_from_wgpu_texture(&gpu.device, view, filter, id);
+            id
+        }
+    }
+}
+
+/// Compiles the first passes.
+fn start(jobs: &mut Jobs<Report>, gpu: &Gpu, settings: &Settings) {
+    let (gpu, settings) = (gpu.clone(), settings.clone());
+    jobs.start(move || Report::Started(Engine::new(&gpu, settings).map(Box::new).map_err(|e| e.to_string())));
+}
+
+impl Viewer {
+    /// Starts compiling and loading; the first frames say so. `format` is that of the canvases to come.
+    pub fn new(gpu: &Gpu, format: wgpu::TextureFormat, options: Options) -> Self {
+        let ctx = egui::Context::default();
+        crate::panel::style(&ctx);
+        let wake = ctx.clone();
+        let painter = egui_wgpu::Renderer::new(&gpu.device, format, egui_wgpu::RendererOptions::default());
+        let mut jobs = Jobs::new(move || wake.request_repaint());
+        start(&mut jobs, gpu, &options.settings);
+        let mut viewer = Self {
+            gpu: gpu.clone(),
+            ctx,
+            painter,
+            recorder: Recorder::new(gpu, true),
+            jobs,
+            engine: None,
+            stage: None,
+            incoming: None,
+            loading: Some(options.scene.clone()),
+            building: false,
+            wanted: options.settings,
+            start: options.camera,
+            eye: Eye::Placed(0),
+            speed: 1.0,
+            playback: Playback::default(),
+            picture: Picture::new(gpu),
+            picture_id: None,
+            buffer_id: None,
+            shot: None,
+            shader_files: None,
+            shaders: None,
+            shader_folder: options.shaders.clone(),
+            timings: TimingHistory::default(),
+            panel: PanelState::default(),
+            notices: Notices::default(),
+            source: options.scene,
+            environment: options.environment.map(|path| path.to_string_lossy().into_owned()),
+            animated: false,
+        };
+        if let Some(folder) = options.shaders {
+            let wake = viewer.ctx.clone();
+            match ShaderFiles::watch(&folder, move || wake.request_repaint()) {
+                Ok(files) => viewer.shader_files = Some(files),
+                Err(error) => viewer.notices.fail(format!("shaders are not watched: {error}")),
+            }
+        }
+        viewer
+    }
+
+    /// egui's context, for the window's input and repaint requests.
+    pub fn context(&self) -> &egui::Context {
+        &self.ctx
+    }
+
+    /// Loads a scene beside the frame, or lights the present one by another environment (`.hdr`, `.exr`); what is shown
+    /// stays until then.
+    pub fn open(&mut self, source: &str) {
+        let extension = source.rsplit_once('.').map_or("", |(_, extension)| extension).to_ascii_lowercase();
+        if ["hdr", "exr"].contains(&extension.as_str()) {
+            self.environment = Some(source.to_owned());
+            self.load(&self.source.clone());
+        } else {
+            self.load(source);
+        }
+    }
+
+    fn load(&mut self, source: &str) {
+        let Some(engine) = &self.engine else {
+            self.loading = Some(source.to_owned());
+            return;
+        };
+        let (kit, name, environment) =
+            (engine.renderer.kit().clone(), source.to_owned(), self.environment.clone());
+        self.loading = Some(name.clone());
+        self.jobs.start(move || {
+            let stage = Stage::load(&kit, &name, environment.as_deref());
+            Report::Loaded(stage.map(Box::new).map_err(|e| e.to_string()))
+        });
+    }
+
+    /// Settings as the panel shows them; they are in force once what they need is compiled.
+    pub fn settings(&self) -> &Settings {
+        &self.wanted
+    }
+
+    /// Changes settings, as the panel does.
+    pub fn set(&mut self, settings: Settings) {
+        self.wanted = settings;
+    }
+
+    /// Whether nothing is being loaded or compiled, and the settings shown are in force.
+    pub fn is_settled(&self) -> bool {
+        let in_force = self.engine.as_ref().is_some_and(|engine| *engine.renderer.settings() == self.wanted);
+        in_force && self.loading.is_none() && self.incoming.is_none() && !self.building
+    }
+
+    /// The picture without the panel, 8-bit sRGB; `None` before the first frame of a scene.
+    pub fn picture(&self) -> Option<&chiaro::Texture> {
+        self.stage.as_ref().and(self.picture.texture())
+    }
+
+    /// What a new viewer needs to go on where this one ended.
+    pub fn memory(&self) -> Options {
+        Options {
+            scene: self.source.clone(),
+            settings: self.wanted.clone(),
+            environment: self.environment.as_ref().map(PathBuf::from),
+            camera: self.view().map_or(StartCamera::First, StartCamera::At),
+            shaders: self.shader_folder.clone(),
+            ..Options::default()
+        }
+    }
+
+    /// Tells the user something.
+    pub fn tell(&mut self, message: impl Into<String>) {
+        self.notices.tell(message);
+    }
+
+    /// Draws a frame. Without a canvas (a window that is minimised) it only takes in what has been loaded or compiled.
+    pub fn frame(&mut self, input: egui::RawInput, canvas: Option<Canvas<'_>>) -> Outcome {
+        self.take_reports();
+        self.take_shaders();
+        self.take_shot();
+        self.settle();
+        // Maps what the GPU has sent, such as timings; a failure shows in `check`.
+        let _ = self.gpu.device.poll(wgpu::PollType::Poll);
+        let Some(canvas) = canvas else {
+            return self.outcome(egui::PlatformOutput::default(), Duration::MAX);
+        };
+        let ctx = self.ctx.clone();
+        let output = ctx.run_ui(input, |ui| self.ui(ui));
+        self.act(&ctx);
+        self.settle();
+        self.draw_picture();
+        self.paint(&ctx, output.shapes, output.pixels_per_point, &output.textures_delta, canvas);
+        if self.animated {
+            ctx.request_repaint();
+        }
+        let root = output.viewport_output.get(&egui::ViewportId::ROOT);
+        let repaint_after = if self.animated {
+            Duration::ZERO
+        } else {
+            root.map_or(Duration::MAX, |viewport| viewport.repaint_delay)
+        };
+        self.outcome(output.platform_output, repaint_after)
+    }
+
+    fn outcome(&mut self, platform: egui::PlatformOutput, repaint_after: Duration) -> Outcome {
+        let lost = match self.gpu.check() {
+            Ok(()) => None,
+            Err(GpuError::DeviceLost(reason)) => Some(reason),
+            Err(error) => {
+                self.notices.fail(error.to_string());
+                None
+            }
+        };
+        let name = self.stage.as_ref().map(|stage| stage.name.as_str());
+        Outcome {
+            platform,
+            repaint_after,
+            title: name.map_or("chiaro".into(), |name| format!("{name} – chiaro")),
+            grabs_mouse: self.panel.grabs_mouse,
+            vsync: self.panel.vsync,
+            fullscreen: self.panel.fullscreen,
+            lost,
+        }
+    }
+
+    fn take_reports(&mut self) {
+        while let Some(report) = self.jobs.poll() {
+            match report {
+                Report::Started(Ok(engine)) => {
+                    self.engine = Some(*engine);
+                    if let Some(source) = self.loading.clone() {
+                        self.load(&source);
+                    }
+                }
+                Report::Started(Err(error)) => {
+                    self.notices.fail(error);
+                    if self.wanted == Settings::default() {
+                        self.loading = None;
+                    } else {
+                        self.wanted = Settings::default();
+                        start(&mut self.jobs, &self.gpu, &self.wanted);
+                    }
+                }
+                Report::Loaded(Ok(stage)) => self.incoming = Some(stage),
+                Report::Loaded(Err(error)) => {
+                    self.loading = None;
+                    self.notices.fail(error);
+                }
+                Report::Written(Ok(names)) => self.notices.tell(format!("wrote {names}")),
+                Report::Written(Err(error)) => self.notices.fail(error),
+                Report::Rebuilt(Err(error), Purpose::Shaders) => {
+                    self.building = false;
+                    self.panel.shader_error = Some(error);
+                }
+                Report::Rebuilt(Ok(rebuilt), purpose) => {
+                    self.building = false;
+                    if purpose == Purpose::Shaders {
+                        self.panel.shader_error = None;
+                    }
+                    if let Some(engine) = &mut self.engine {
+                        // One that is out of date is planned again by `settle`.
+                        engine.install(*rebuilt);
+                    }
+                }
+                Report::Rebuilt(Err(error), Purpose::Settings) => {
+                    self.building = false;
+                    self.panel.settings_error = Some(error);
+                    self.incoming = None;
+                    self.loading = None;
+                    if let Some(engine) = &self.engine {
+                        self.wanted = engine.renderer.settings().clone();
+                    }
+                }
+            }
+        }
+    }
+
+    /// Brings settings and the scene into force as far as that needs no compiling, and has the rest compiled.
+    fn settle(&mut self) {
+        let Some(engine) = &mut self.engine else { return };
+        if self.incoming.is_none() && *engine.renderer.settings() == self.wanted {
+            return;
+        }
+        let facts = self.incoming.as_ref().map(|stage| stage.loaded.gpu.facts).unwrap_or_default();
+        let plan = match engine.renderer.plan(self.wanted.clone(), facts) {
+            Ok(plan) => plan,
+            Err(error) => {
+                self.panel.settings_error = Some(error.to_string());
+                self.wanted = engine.renderer.settings().clone();
+                return;
+            }
+        };
+        let known = engine.renderer.permutations();
+        if plan.is_empty() && plan.permutations() == known {
+            match Rebuilt::new(plan, known, false) {
+                Ok(nothing) => engine.install(nothing),
+                Err(_) => return,
+            };
+            if let Some(stage) = self.incoming.take() {
+                self.show(*stage);
+            }
+            return;
+        }
+        if !self.building {
+            self.building = true;
+            self.jobs.start(move || {
+                let rebuilt = Rebuilt::new(plan, known, false).map(Box::new).map_err(|e| e.to_string());
+                Report::Rebuilt(rebuilt, Purpose::Settings)
+            });
+        }
+        self.apply_what_is_free();
+    }
+
+    /// Has changed shaders compiled; until that is done, and where it fails, the last good ones stay.
+    fn take_shaders(&mut self) {
+        if let Some(changed) = self.shader_files.as_mut().and_then(ShaderFiles::poll) {
+            self.shaders = Some(changed);
+        }
+        if self.building || self.incoming.is_some() {
+            return;
+        }
+        if let (Some(engine), Some(library)) = (&self.engine, self.shaders.take_if(|_| self.engine.is_some()))
+        {
+            let (plan, known) = (engine.renderer.plan_shaders(library), engine.renderer.permutations());
+            self.building = true;
+            self.jobs.start(move || {
+                let rebuilt = Rebuilt::new(plan, known, true).map(Box::new).map_err(|e| e.to_string());
+                Report::Rebuilt(rebuilt, Purpose::Shaders)
+            });
+        }
+    }
+
+    /// Starts reading back the picture, to be written when it has arrived.
+    pub fn screenshot(&mut self, exr: bool) {
+        match self.picture.read(self.panel.shown_buffer) {
+            Some(Ok(shot)) => self.shot = Some((shot, files::Wanted { exr })),
+            Some(Err(error)) => self.notices.fail(error.to_string()),
+            None => {}
+        }
+    }
+
+    fn take_shot(&mut self) {
+        let Some((shot, wanted)) = &self.shot else { return };
+        let wanted = *wanted;
+        match shot.poll(&self.gpu) {
+            Ok(None) => self.ctx.request_repaint(),
+            Ok(Some(pair)) => {
+                self.shot = None;
+                let name = self.stage.as_ref().map_or("picture".into(), |stage| stage.name.clone());
+                self.jobs.start(move || {
+                    Report::Written(files::write(&name, &pair, wanted).map_err(|e| e.to_string()))
+                });
+            }
+            Err(error) => {
+                self.shot = None;
+                self.notices.fail(error.to_string());
+            }
+        }
+    }
+
+    /// While pipelines are compiled, the settings that need none change at once.
+    fn apply_what_is_free(&mut self) {
+        let Some(engine) = &mut self.engine else { return };
+        let mut free = engine.renderer.settings().clone();
+        free.pipeline = self.wanted.pipeline;
+        free.seed = self.wanted.seed;
+        for field in Settings::fields().iter().filter(|f| f.effect != chiaro::Effect::Permutation) {
+            if let Some(value) = self.wanted.get(&field.key) {
+                // It was in range where it comes from.
+                let _ = free.set(&field.key, &value);
+            }
+        }
+        if free == *engine.renderer.settings() {
+            return;
+        }
+        let known = engine.renderer.permutations();
+        if let Ok(plan) = engine.renderer.plan(free, chiaro::techniques::surface::SceneFacts::default())
+            && plan.is_empty()
+            && plan.permutations() == known
+            && let Ok(nothing) = Rebuilt::new(plan, known, false)
+        {
+            engine.install(nothing);
+        }
+    }
+
+    /// Puts a scene on show.
+    fn show(&mut self, stage: Stage) {
+        self.loading = None;
+        for warning in &stage.scene.warnings {
+            self.notices.tell(format!("{}: {warning}", stage.name));
+        }
+        self.speed = stage.size_m() * 0.1;
+        self.playback = Playback { speed: self.playback.speed, ..Playback::default() };
+        self.eye = match std::mem::take(&mut self.start) {
+            StartCamera::First => Eye::Placed(0),
+            StartCamera::At(view) => Eye::Free(FlyCamera::new(view)),
+            StartCamera::Named(wanted) => {
+                let by_name = stage.cameras.iter().position(|name| *name == wanted);
+                let by_number = || wanted.parse().ok().filter(|n| *n < stage.cameras.len());
+                let found = by_name.or_else(by_number);
+                if found.is_none() {
+                    let list: Vec<_> =
+                        stage.cameras.iter().enumerate().map(|(n, name)| format!("{n} “{name}”")).collect();
+                    self.notices.fail(format!("no camera {wanted}; the scene has {}", list.join(", ")));
+                }
+                Eye::Placed(found.unwrap_or(0))
+            }
+        };
+        self.source.clone_from(&stage.source);
+        self.stage = Some(stage);
+    }
+
+    /// What is seen.
+    pub(crate) fn view(&self) -> Option<View> {
+        match self.eye {
+            Eye::Free(camera) => Some(camera.view()),
+            Eye::Placed(number) => {
+                let stage = self.stage.as_ref()?;
+                stage.view(number).or_else(|| stage.view(0))
+            }
+        }
+    }
+
+    /// Renders the scene into the picture where that would change it.
+    fn draw_picture(&mut self) {
+        self.animated = false;
+        let (Some(view), Some(size_px)) = (self.view(), self.panel.picture_px) else { return };
+        let (Some(engine), Some(stage)) = (&mut self.engine, &mut self.stage) else { return };
+        if self.picture.resize(size_px) {
+            engine.renderer.trim();
+            let view = self.picture.texture().map(chiaro::Texture::view);
+            self.picture_id = view.map(|view| offer(&mut self.painter, &self.gpu, view, self.picture_id));
+        }
+        let shown = self.panel.shown_buffer;
+        if self.picture.show_buffer(shown.place) || (shown.place != Place::Off && self.buffer_id.is_none()) {
+            let view = self.picture.buffer_texture().map(chiaro::Texture::view);
+            self.buffer_id = view.map(|view| offer(&mut self.painter, &self.gpu, view, self.buffer_id));
+        }
+        let now = (self.playback.time_s, shown);
+        let wanted = self.picture.wants_frame(engine, stage, &view, now);
+        if !wanted && !self.panel.continuous {
+            return;
+        }
+        self.animated = true;
+        let mut frame = self.recorder.begin();
+        self.picture.record(&mut frame, engine, (stage, &view), shown);
+        frame.submit();
+        for timings in self.recorder.take_timings() {
+            self.timings.gpu_took(&timings);
+        }
+        self.timings.frame_took(f64::from(self.ctx.input(|i| i.unstable_dt)) * 1e3);
+        self.panel.notes = engine.renderer.notes().to_vec();
+    }
+
+    /// Paints the window's content.
+    fn paint(
+        &mut self,
+        ctx: &egui::Context,
+        shapes: Vec<egui::epaint::ClippedShape>,
+        pixels_per_point: f32,
+        textures: &egui::TexturesDelta,
+        canvas: Canvas<'_>,
+    ) {
+        let Gpu { device, queue, .. } = &self.gpu;
+        for (id, deltas) in &textures.set {
+            deltas.iter().for_each(|delta| self.painter.update_texture(device, queue, *id, delta));
+        }
+        let primitives = ctx.tessellate(shapes, pixels_per_point);
+        let screen = ScreenDescriptor { size_in_pixels: canvas.size_px, pixels_per_point };
+        let mut encoder =
+            device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("window") });
+        let mut commands = self.painter.update_buffers(device, queue, &mut encoder, &primitives, &screen);
+        {
+            let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("window"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: canvas.view,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })],
+                ..Default::default()
+            });
+            self.painter.render(&mut pass.forget_lifetime(), &primitives, &screen);
+        }
+        commands.push(encoder.finish());
+        queue.submit(commands);
+        for id in &textures.free {
+            self.painter.free_texture(id);
+        }
+    }
+}
