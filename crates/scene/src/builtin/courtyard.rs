@@ -9,7 +9,7 @@ use glam::{Affine3A, Quat, Vec2, Vec3, vec2, vec3};
 use super::{
     arch::{Opening, PointedArch},
     flora::{Tree, bark_material, leaf_material},
-    shape::{Joins, arc, bevelled, circle, cuboid, lathe, lathe_ring, polygon, skin},
+    shape::{Joins, arc, bevelled, circle, cuboid, lathe, lathe_ring, polygon, rectangle_ring, skin},
     sky::ClearSky,
     solid::Solid,
     stage::{Stage, plain},
@@ -228,13 +228,7 @@ fn column(material: Id) -> Solid {
 
 /// A body between two squares about the vertical axis: half widths and heights.
 fn square_ring(half: [f32; 2], y: [f32; 2], material: Id) -> Solid {
-    let square = |half: f32, y: f32| {
-        [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)]
-            .map(|(x, z)| vec3(half * x, y, half * z))
-            .to_vec()
-    };
-    let rings = [square(half[0], y[0]), square(half[1], y[0]), square(half[1], y[1]), square(half[0], y[1])];
-    skin(&rings, Joins { ring: true, path: true }, |_| material).smooth(1.0).outward().planar_uv()
+    rectangle_ring(half.map(Vec2::splat), y, material)
 }
 
 /// What runs round the whole court.

@@ -46,7 +46,7 @@ pub fn build() -> Scene {
         neck - Vec3::Y * 0.1,
     );
     stage.light("moon", spot(20.0, 45.0), vec3(0.45, 0.62, 1.0), 260.0, vec3(-2.0, 2.4, 0.7), neck);
-    stage.camera("dancer", vec3(0.28, 0.92, 2.55), vec3(-0.14, 0.66, 0.0), 36.0);
+    stage.camera("dancer", vec3(0.50, 0.98, 2.05), vec3(-0.16, 0.62, 0.0), 38.0);
     stage.camera("hood", vec3(-0.42, 1.12, 1.02), vec3(-0.02, 0.90, 0.0), 38.0);
     stage.camera("carpet", vec3(1.1, 1.75, 2.1), vec3(-0.12, 0.35, 0.0), 40.0);
     stage.scene
@@ -159,10 +159,10 @@ fn skin_point(frame: &Frame, d: f32, length_m: f32, angle: f32, hood: f32, breat
     let bump = |middle: f32, wide: f32| (-((d - middle) / wide).powi(2)).exp();
     let (spread, swell) = (hood * bump(0.235, 0.078), breath * bump(0.62, 0.13));
     let (c, s) = (angle.cos(), angle.sin());
-    let w = (width + 0.066 * spread + 0.007 * swell) * round;
+    let w = (width + 0.080 * spread + 0.007 * swell) * round;
     let h = (height - 0.008 * spread + 0.007 * swell) * round;
     // The spread hood is cupped forward and thin at its rim.
-    let cupped = 0.020 * spread * (c * c - 0.3);
+    let cupped = 0.024 * spread * (c * c - 0.3);
     frame.origin + frame.x * (w * c) + frame.y * (h * s * (1.0 - 0.45 * spread * c * c) + cupped)
 }
 

@@ -37,7 +37,7 @@ pub fn build_ball() -> Scene {
         let mesh = stage.mesh(name, ball(radius, 4, material));
         stage.place(mesh, vec3(at.x, board + radius, at.y), false);
     }
-    surround(&mut stage, 0.5);
+    surround(&mut stage, 0.5, vec3(70.0, 52.0, 32.0));
     let from = vec3(-0.42, board + 0.78, -0.52);
     stage.light("spot", spot(11.0, 20.0), vec3(1.0, 0.90, 0.76), 1_600.0, from, vec3(0.0, board, 0.02));
 
@@ -95,7 +95,7 @@ pub fn build_knot() -> Scene {
     let disc = [(0.198, 0.0), (0.2, 0.002), (0.2, 0.010), (0.198, 0.012)];
     stage.body("disc", lathe(&disc.map(|(r, y)| vec2(r, y)), 128, stone));
 
-    surround(&mut stage, 0.6);
+    surround(&mut stage, 0.6, vec3(120.0, 114.0, 104.0));
     let from = vec3(-0.55, 0.95, -0.42);
     stage.light("spot", spot(12.0, 24.0), vec3(1.0, 0.93, 0.82), 1_400.0, from, vec3(0.03, 0.02, 0.02));
     let look = vec3(0.02, 0.035, 0.0);

@@ -4,8 +4,9 @@ use glam::{Vec2, Vec3, ivec2, vec2, vec3};
 
 use super::{
     curve::tube,
+    flora::{Tree, bark_material, leaf_material},
     grid::Grid,
-    shape::{CREASE_DEG, Joins, arc, bevelled, cuboid, lathe, polygon, skin},
+    shape::{CREASE_DEG, Joins, arc, bevelled, cuboid, lathe, polygon, rectangle_ring, skin},
     sky::ClearSky,
     solid::Solid,
     stage::{Stage, metal, plain},
@@ -29,13 +30,14 @@ pub fn build() -> Scene {
         let [base_color_texture, normal_texture] = stage.surface("mosaic", &mosaic(1024), 0.8);
         stage.material(Material { base_color_texture, normal_texture, ..plain("mosaic", Vec3::ONE, 0.25) })
     };
-    let travertine = masonry(&mut stage, "travertine", vec3(0.62, 0.55, 0.45), vec3(0.40, 0.35, 0.28), 4, 21);
+    let travertine =
+        masonry(&mut stage, "travertine", vec3(0.46, 0.405, 0.33), vec3(0.29, 0.255, 0.205), 4, 21);
     let [base_color_texture, normal_texture] =
-        stage.surface("coping", &dressed_stone(512, 2, 1.6, vec3(0.70, 0.66, 0.58), 23), 1.6);
+        stage.surface("coping", &dressed_stone(512, 2, 1.6, vec3(0.56, 0.52, 0.45), 23), 1.6);
     let coping =
         stage.material(Material { base_color_texture, normal_texture, ..plain("coping", Vec3::ONE, 0.55) });
     let wall = {
-        let paint = dressed_stone(512, 1, 3.0, vec3(0.78, 0.755, 0.71), 29);
+        let paint = dressed_stone(512, 1, 3.0, vec3(0.66, 0.635, 0.59), 29);
         let [base_color_texture, normal_texture] = stage.surface("plaster", &paint, 3.0);
         stage.material(Material { base_color_texture, normal_texture, ..plain("plaster", Vec3::ONE, 0.9) })
     };
@@ -54,6 +56,7 @@ pub fn build() -> Scene {
         thickness: LEVEL - FLOOR[1],
         attenuation_color: vec3(0.62, 0.92, 0.96),
         attenuation_distance: 5.0,
+        double_sided: true,
         ..plain("water", Vec3::ONE, 0.0)
     });
     let surface = stage.add("water", vec![water_surface(water)]);
@@ -66,12 +69,12 @@ pub fn build() -> Scene {
         towards_sun: vec3(-0.52, 0.80, 0.30).normalize(),
         turbidity: 2.8,
         sun_lux: 95_000.0,
-        sky_lux: 15_000.0,
+        sky_lux: 18_000.0,
         ground: vec3(0.30, 0.27, 0.22),
     };
     stage.sun(sky.towards_sun, vec3(1.0, 0.955, 0.89), sky.sun_lux);
     stage.scene.environment = Some(sky.environment("clear noon"));
-    stage.camera("pool", vec3(-5.6, 2.35, 4.3), vec3(0.5, -0.75, -0.75), 48.0);
+    stage.camera("pool", vec3(-5.9, 2.05, 4.1), vec3(0.6, -0.25, -0.8), 48.0);
     stage.camera("surface", vec3(-3.3, 0.30, 1.35), vec3(2.4, -0.45, -0.9), 52.0);
     stage.camera("diver", vec3(-2.3, -0.72, 0.9), vec3(3.0, -1.25, -0.9), 62.0);
     stage.scene
@@ -223,6 +226,31 @@ fn surroundings(stage: &mut Stage, wall: Id, stone: Id) {
     }
     stage.body("lintel", cuboid(vec3(-5.6, 2.2, z - 0.05), vec3(-4.4, 3.1, z + 0.35), wall));
     stage.body("coping of the wall", bevelled(vec3(-x, 3.1, z - 0.1), vec3(x, 3.18, z + 0.42), 0.01, stone));
+    // A low wall at the deep end, trees behind both.
+    stage.body("low wall", cuboid(vec3(x - 0.35, -0.2, z + 0.3), vec3(x + 0.05, 1.15, -z), wall));
+    let top = bevelled(vec3(x - 0.42, 1.15, z + 0.37), vec3(x + 0.12, 1.22, -z + 0.05), 0.01, stone);
+    stage.body("coping of the low wall", top);
+    let bark = bark_material(stage, "bark", vec3(0.22, 0.18, 0.13), 41);
+    let leaves = leaf_material(stage, "leaves", vec3(0.075, 0.15, 0.035), 0.1);
+    let tree = Tree {
+        trunk_m: 3.4,
+        radius_m: 0.13,
+        spread_deg: 44.0,
+        leaf_m: 0.34,
+        leaves: 9,
+        materials: [bark, leaves],
+        seed: 43,
+    };
+    let tree = stage.mesh("tree", tree.grow());
+    let garden = stage.material(plain("garden", vec3(0.10, 0.12, 0.04), 1.0));
+    stage.body("garden", rectangle_ring([DECK - 0.2, Vec2::splat(30.0)], [-0.9, -0.35], garden));
+    for (i, (tx, tz)) in
+        [(x + 2.0, -4.2), (x + 2.6, -0.6), (x + 2.1, 2.9), (x - 3.2, z - 2.0), (-1.6, z - 2.6)]
+            .into_iter()
+            .enumerate()
+    {
+        stage.place_turned(tree, vec3(tx, -0.35, tz), 101.0 * i as f32, 0.85 + 0.1 * (i % 3) as f32);
+    }
 
     let [base_color_texture, normal_texture] =
         stage.surface("teak", &wood(512, vec3(0.30, 0.17, 0.085), 31), 0.7);

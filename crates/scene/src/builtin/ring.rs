@@ -35,7 +35,7 @@ pub fn build() -> Scene {
     stage.place(ring, page + vec3(-0.055, 0.0026, 0.052), false);
     pencil(&mut stage);
 
-    surround(&mut stage, 0.35);
+    surround(&mut stage, 0.55, vec3(150.0, 130.0, 95.0));
     // A desk lamp: behind the ring to the left, so that the light it throws back falls towards the viewer.
     let from = BOOK + vec3(-0.30, 0.42, -0.34);
     let target = page + vec3(0.070, 0.0, 0.01);

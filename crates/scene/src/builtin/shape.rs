@@ -151,6 +151,17 @@ pub fn bevelled(lo: Vec3, hi: Vec3, bevel: f32, material: Id) -> Solid {
     loft(&rings, 20.0, material).planar_uv()
 }
 
+/// A body between two upright rectangular tubes about the vertical axis: their half widths, its lower and upper end.
+pub fn rectangle_ring(half: [Vec2; 2], y: [f32; 2], material: Id) -> Solid {
+    let ring = |half: Vec2, y: f32| {
+        [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)]
+            .map(|(x, z)| vec3(half.x * x, y, half.y * z))
+            .to_vec()
+    };
+    let rings = [ring(half[0], y[0]), ring(half[1], y[0]), ring(half[1], y[1]), ring(half[0], y[1])];
+    skin(&rings, Joins { ring: true, path: true }, |_| material).smooth(1.0).outward().planar_uv()
+}
+
 /// A surface of revolution about the vertical: `profile` is (radius, height) from bottom to top.
 pub fn lathe(profile: &[Vec2], sides: usize, material: Id) -> Solid {
     let ring = |p: &Vec2| circle(sides, p.x).into_iter().map(|c| vec3(c.x, p.y, c.y)).collect::<Vec<_>>();

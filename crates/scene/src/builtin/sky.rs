@@ -6,22 +6,25 @@ use glam::{Mat3, Vec2, Vec3, vec2, vec3};
 
 use crate::Environment;
 
+/// Cosine of the angle to the zenith below which colour stays the same.
+const COLOR_HORIZON: f32 = 0.17;
 /// Pixels around and from top to bottom.
 const SIZE: [u32; 2] = [256, 128];
 
 /// A cloudless sky without its sun, which is a light of its own, over flat ground.
 ///
-/// Source: Preetham, Shirley, Smits 1999, "A Practical Analytic Model for Daylight", appendix A.2.
+/// Luminance is spread as in the CIE standard clear sky (ISO 15469:2004, type 12). Colour is that of Preetham, Shirley,
+/// Smits 1999, "A Practical Analytic Model for Daylight", appendix A.2; near the horizon, where their fit turns pink,
+/// it is the colour at [`COLOR_HORIZON`].
 #[derive(Clone, Copy, Debug)]
 pub struct ClearSky {
     /// Unit vector, above the horizon.
     pub towards_sun: Vec3,
-    /// Haze: 2 after rain, 3 clear, 6 hazy.
+    /// Haze, which takes blue away: 2 after rain, 3 clear, 6 hazy.
     pub turbidity: f32,
     /// Illuminance by the sun alone on a surface that faces it, lux. It lights the ground.
     pub sun_lux: f32,
-    /// Illuminance by the sky alone on level ground, lux. The model gives how radiance and colour are spread; its own
-    /// level is above what is measured under clear skies (Zotti, Wilkie, Purgathofer 2007).
+    /// Illuminance by the sky alone on level ground, lux.
     pub sky_lux: f32,
     /// Linear albedo of the ground.
     pub ground: Vec3,
@@ -31,7 +34,7 @@ impl ClearSky {
     /// The sky and the sunlit ground as seen from the middle.
     pub fn environment(&self, name: &str) -> Environment {
         let mut out = paint(name, |d| if d.y > 0.0 { self.radiance(d) } else { Vec3::ZERO });
-        let level = self.sky_lux / horizontal_lux(&out).max(1.0);
+        let level = self.sky_lux / horizontal_lux(&out).max(f32::MIN_POSITIVE);
         let ground = self.ground * (self.sky_lux + self.sun_lux * self.towards_sun.y.max(0.0)) / PI;
         for (i, radiance) in out.radiance.iter_mut().enumerate() {
             let d = direction(i as u32 % SIZE[0], i as u32 / SIZE[0]);
@@ -46,16 +49,9 @@ impl ClearSky {
         out
     }
 
-    /// Radiance from `d`, a unit vector above the horizon, by the model's own level, nits.
+    /// Radiance from `d`, a unit vector above the horizon, relative to others.
     fn radiance(&self, d: Vec3) -> Vec3 {
         let t = self.turbidity;
-        let luminance = [
-            0.1787 * t - 1.4630,
-            -0.3554 * t + 0.4275,
-            -0.0227 * t + 5.3251,
-            0.1206 * t - 2.5771,
-            -0.0670 * t + 0.3703,
-        ];
         let x = [
             -0.0193 * t - 0.2592,
             -0.0665 * t + 0.0008,
@@ -72,23 +68,18 @@ impl ClearSky {
         ];
         let sun = self.towards_sun.y.clamp(0.0, 1.0).acos();
         let powers = |a: f32, b: f32, c: f32, d: f32| ((a * sun + b) * sun + c) * sun + d;
-        let chi = (4.0 / 9.0 - t / 120.0) * (PI - 2.0 * sun);
-        let zenith_nits = 1000.0 * ((4.0453 * t - 4.9710) * chi.tan() - 0.2155 * t + 2.4192);
         let zenith_x = t * t * powers(0.00166, -0.00375, 0.00209, 0.0)
             + t * powers(-0.02903, 0.06377, -0.03202, 0.00394)
             + powers(0.11693, -0.21196, 0.06052, 0.25886);
         let zenith_y = t * t * powers(0.00275, -0.00610, 0.00317, 0.0)
             + t * powers(-0.04214, 0.08970, -0.04153, 0.00516)
             + powers(0.15346, -0.26756, 0.06670, 0.26688);
-        // The model divides by the cosine of the angle to the zenith.
-        let cos = d.y.max(0.01);
         let gamma = d.dot(self.towards_sun).clamp(-1.0, 1.0).acos();
-        let relative = |c: &[f32; 5]| perez(c, cos, gamma) / perez(c, 1.0, sun);
-        from_xyy(
-            zenith_x * relative(&x),
-            zenith_y * relative(&y),
-            (zenith_nits * relative(&luminance)).max(0.0),
-        )
+        let relative = |c: &[f32; 5]| perez(c, d.y.max(COLOR_HORIZON), gamma) / perez(c, 1.0, sun);
+        // The standard's gradation and indicatrix. It divides by the cosine of the angle to the zenith.
+        let gradation = 1.0 - (-0.32 / d.y.max(0.01)).exp();
+        let indicatrix = 1.0 + 10.0 * ((-3.0 * gamma).exp() - (-1.5 * PI).exp()) + 0.45 * gamma.cos().powi(2);
+        from_xyy(zenith_x * relative(&x), zenith_y * relative(&y), gradation * indicatrix)
     }
 }
 
@@ -208,6 +199,8 @@ mod tests {
         };
         let away = at(vec3(-0.6, 1.0, 0.0));
         assert!(away.z > 1.8 * away.x, "{away}");
+        let horizon = at(vec3(-1.0, 0.03, 0.0));
+        assert!(horizon.x < horizon.y && horizon.y < horizon.z, "{horizon}");
         let beside = at(vec3(40f32.to_radians().cos(), 40f32.to_radians().sin(), 0.0));
         let brightest = environment.radiance.iter().map(|r| r.y).fold(0.0, f32::max);
         assert!(

@@ -74,14 +74,17 @@ pub fn sweep_backdrop(stage: &mut Stage, color: Vec3, depth: f32) {
     stage.body("backdrop", loft(&[at(-1.9), at(1.9)], 30.0, material).planar_uv());
 }
 
-/// A dim room with a large soft box on the left, a strip on the right and a small one behind.
-pub fn surround(stage: &mut Stage, brightness: f32) {
+/// A dim room with a large soft box on the left, a strip on the right, a small one behind and, for metal and glass to
+/// mirror, a faint screen before the table. From below comes what the lit table sends up, `table` in nits: without
+/// reflections of things nearby, metal would otherwise mirror a dark floor where it sees the table.
+pub fn surround(stage: &mut Stage, brightness: f32, table: Vec3) {
     let lamp = |towards: Vec3, half: Vec2, nits: Vec3| SoftBox { towards, half, nits: nits * brightness };
     let boxes = [
-        lamp(vec3(-1.0, 0.9, 0.7), vec2(0.42, 0.30), vec3(900.0, 870.0, 800.0)),
-        lamp(vec3(1.0, 0.35, 0.35), vec2(0.10, 0.55), vec3(620.0, 680.0, 760.0)),
+        lamp(vec3(0.15, 0.45, 1.0), vec2(0.95, 0.40), vec3(95.0, 92.0, 88.0)),
+        lamp(vec3(-1.0, 0.75, 0.5), vec2(0.48, 0.42), vec3(900.0, 870.0, 800.0)),
+        lamp(vec3(1.0, 0.35, 0.25), vec2(0.12, 0.55), vec3(620.0, 680.0, 760.0)),
         lamp(vec3(0.25, 0.8, -1.0), vec2(0.30, 0.10), vec3(700.0, 700.0, 700.0)),
     ];
-    let room = [vec3(9.0, 9.0, 9.5), vec3(14.0, 13.0, 12.0), vec3(5.0, 4.5, 4.0)].map(|r| r * brightness);
+    let room = [vec3(9.0, 9.0, 9.5) * brightness, vec3(14.0, 13.0, 12.0) * brightness, table];
     stage.scene.environment = Some(studio("studio", room, &boxes));
 }
