@@ -26,6 +26,7 @@ pub const KEYS: &[(&str, &str)] = &[
 pub fn show(ui: &Ui) -> bool {
     let mut open = true;
     Window::new("Keys").open(&mut open).collapsible(false).resizable(false).show(ui.ctx(), |ui| {
+        ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
         Grid::new("keys").num_columns(2).spacing([24.0, 5.0]).show(ui, |ui| {
             for (key, meaning) in KEYS {
                 ui.label(RichText::new(*key).strong());
