@@ -37,3 +37,16 @@ pub fn show(ui: &Ui) -> bool {
     });
     open
 }
+
+#[cfg(test)]
+mod tests {
+    use super::KEYS;
+
+    #[test]
+    fn the_page_has_the_same_keys() {
+        let page = include_str!("../../../../docs/viewer.md");
+        for (key, meaning) in KEYS {
+            assert!(page.contains(&format!("| {key} | {meaning} |")), "docs/viewer.md lacks {key}: {meaning}");
+        }
+    }
+}
