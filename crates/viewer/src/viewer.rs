@@ -6,7 +6,7 @@ use std::time::Duration;
 use chiaro::{Gpu, GpuError, Library, Recorder, Settings, View, wgpu};
 use egui_wgpu::ScreenDescriptor;
 
-use crate::buffers::Place;
+use crate::buffers::{BUFFERS, Place};
 use crate::camera::FlyCamera;
 use crate::engine::{Engine, Rebuilt};
 use crate::files;
@@ -286,6 +286,36 @@ impl Viewer {
         self.stage.as_ref().and(self.picture.texture())
     }
 
+    /// The buffer that is shown beside or instead of the picture, 8-bit sRGB; `None` where there is none.
+    pub fn buffer(&self) -> Option<&chiaro::Texture> {
+        self.picture.drawn().filter(|drawn| drawn.exists).and(self.picture.buffer_texture())
+    }
+
+    /// Names of all buffers, in the order of the keys.
+    pub fn buffers() -> impl Iterator<Item = &'static str> {
+        BUFFERS.iter().map(|buffer| buffer.name)
+    }
+
+    /// Frames that the picture is the mean of.
+    pub fn frames(&self) -> u32 {
+        self.picture.frames()
+    }
+
+    /// What is wrong with the shaders on disk; the last good ones are in use.
+    pub fn shader_error(&self) -> Option<&str> {
+        self.panel.shader_error.as_deref()
+    }
+
+    /// Why the last change of settings was refused.
+    pub fn settings_error(&self) -> Option<&str> {
+        self.panel.settings_error.as_deref()
+    }
+
+    /// Messages that the window shows.
+    pub fn messages(&self) -> impl Iterator<Item = &str> {
+        self.notices.texts()
+    }
+
     /// What a new viewer needs to go on where this one ended.
     pub fn memory(&self) -> Options {
         Options {
@@ -319,7 +349,7 @@ impl Viewer {
         self.act(&ctx);
         self.settle();
         self.draw_picture();
-        self.paint(&ctx, output.shapes, output.pixels_per_point, &output.textures_delta, canvas);
+        self.paint(&ctx, output.shapes, output.pixels_per_point, output.textures_delta, canvas);
         if self.animated {
             ctx.request_repaint();
         }
@@ -588,7 +618,7 @@ impl Viewer {
         ctx: &egui::Context,
         shapes: Vec<egui::epaint::ClippedShape>,
         pixels_per_point: f32,
-        textures: &egui::TexturesDelta,
+        mut textures: egui::TexturesDelta,
         canvas: Canvas<'_>,
     ) {
         let Gpu { device, queue, .. } = &self.gpu;
@@ -621,5 +651,6 @@ impl Viewer {
         for id in &textures.free {
             self.painter.free_texture(id);
         }
+        textures.clear();
     }
 }

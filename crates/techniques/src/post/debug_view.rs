@@ -55,11 +55,12 @@ impl DebugView {
         })
     }
 
-    /// Shows a layer of a texture, stretched over `picture` (as [`Display::picture`] makes it). `display` has made this
+    /// Shows a layer of a texture (of a depth array: of shadow maps, how near to the light), stretched over `picture` (as [`Display::picture`] makes it). `display` has made this
     /// frame's picture, whose exposure it shares.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
+        frame_group: &Group,
         (texture, layer): (&Texture, u32),
         (mapping, scale): (Mapping, f32),
         display: &Display,
@@ -80,7 +81,7 @@ impl DebugView {
             ("exposure", display.exposure().into()),
             ("picture", picture.into()),
         ];
-        frame.compute("post/debug_view", pipeline, &[], &binds, over(picture.options()));
+        frame.compute("post/debug_view", pipeline, &[frame_group], &binds, over(picture.options()));
     }
 
     /// Shows how many lights may reach what each pixel shows: black none, then blue, red, yellow, and white from 16 on.

@@ -92,6 +92,11 @@ impl Notices {
         self.push(text.into(), true);
     }
 
+    /// All of them, oldest first.
+    pub fn texts(&self) -> impl Iterator<Item = &str> {
+        self.0.iter().map(|notice| notice.text.as_str())
+    }
+
     fn push(&mut self, text: String, is_error: bool) {
         if self.0.iter().any(|notice| notice.text == text) {
             return;
