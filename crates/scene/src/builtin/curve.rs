@@ -21,10 +21,8 @@ pub fn frames(points: &[Vec3], closed: bool) -> Vec<Frame> {
 pub fn frames_from(points: &[Vec3], closed: bool, first: Vec3) -> Vec<Frame> {
     let n = points.len();
     let tangent = |i: usize| {
-        let (before, after) = match closed {
-            true => ((i + n - 1) % n, (i + 1) % n),
-            false => (i.saturating_sub(1), (i + 1).min(n - 1)),
-        };
+        let (before, after) =
+            if closed { ((i + n - 1) % n, (i + 1) % n) } else { (i.saturating_sub(1), (i + 1).min(n - 1)) };
         (points[after] - points[before]).normalize_or(Vec3::Y)
     };
     let mut along = tangent(0);

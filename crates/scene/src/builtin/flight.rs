@@ -4,6 +4,7 @@ use glam::{Mat3, Quat, Vec3, vec3};
 
 use super::{
     nave,
+    sky::studio,
     stage::{Stage, spot},
 };
 use crate::{Animation, Channel, Id, Interpolation, Keys, LightKind, Scene};
@@ -49,13 +50,15 @@ pub fn build() -> Scene {
             // The sun is down; the sky's last light still comes from its side.
             LightKind::Directional => {
                 light.color = vec3(0.42, 0.60, 1.0);
-                light.intensity = 260.0;
+                light.intensity = 60.0;
             }
-            _ if light.name == "vault spot" => light.intensity *= 0.12,
+            _ if light.name == "vault spot" => light.intensity *= 0.35,
             _ if light.name == "choir spot" => light.intensity *= 0.35,
             _ => {}
         }
     }
+    let sky = [vec3(10.0, 17.0, 42.0), vec3(46.0, 44.0, 52.0), vec3(1.5, 1.5, 1.5)];
+    stage.scene.environment = Some(studio("dusk", sky, &[]));
     let keys = (FLIGHT_S * RATE) as usize;
     let times_s: Vec<f32> = (0..=keys).map(|k| k as f32 / RATE).collect();
     let channel = |node: Id, keys: Keys| Channel {
@@ -89,10 +92,11 @@ fn place(time_s: f32) -> Vec3 {
     weights.iter().enumerate().map(|(k, weight)| mark(k) * *weight).sum::<Vec3>() / 6.0
 }
 
-/// Where the eye looks: ahead, the mean over the next seconds.
+/// Where the eye looks: ahead, the mean over the next seconds, less steep than the way itself.
 fn gaze(time_s: f32) -> Vec3 {
     let here = place(time_s);
-    (1..=8).map(|k| (place(time_s + 0.35 * k as f32) - here).normalize_or_zero()).sum::<Vec3>()
+    let ahead: Vec3 = (1..=8).map(|k| (place(time_s + 0.35 * k as f32) - here).normalize_or_zero()).sum();
+    ahead * vec3(1.0, 0.55, 1.0)
 }
 
 /// The spot's target: to and fro over both arcades and the floor, along the whole length.

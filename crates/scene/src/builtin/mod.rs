@@ -39,7 +39,7 @@ pub const SCENES: &[(&str, &str)] = &[
     ("ring", "Gold bangle on an open book under a lamp: a caustic by reflection; 44,000 triangles"),
     ("ball", "Glass and steel balls on a chess board: caustics by refraction; 36,000 triangles"),
     ("knot", "Glass trefoil knot before a paper sweep: many interfaces; 50,000 triangles"),
-    ("pool", "Tiled pool in the sun: caustics through waves; 144,000 triangles"),
+    ("pool", "Tiled pool in the sun: caustics through waves; 200,000 triangles"),
     ("grove", "Path along a fence under trees: leaves and grass cut out by alpha; 491,000 triangles"),
     ("dancer", "Cobra dancing out of its basket: skin and morph targets; 73,000 triangles"),
     ("flight", "The nave at dusk: a camera flies through it, a spot light searches; 88,000 triangles"),

@@ -108,6 +108,24 @@ impl HeightMap {
         }
     }
 
+    /// Lets slopes steeper than `talus` slide, in so many rounds.
+    ///
+    /// Source: Musgrave, Kolb, Mace 1989, "The Synthesis and Rendering of Eroded Fractal Terrains", section 5.
+    pub fn slump(&mut self, talus: f32, rounds: usize) {
+        let side = self.side;
+        let pairs = |i: usize| {
+            let right = (i % side + 1 < side).then_some((i, i + 1));
+            let down = (i / side + 1 < side).then_some((i, i + side));
+            right.into_iter().chain(down)
+        };
+        for (a, b) in (0..rounds).flat_map(|_| (0..side * side).flat_map(pairs)) {
+            let fall = self.heights[a] - self.heights[b];
+            let slides = 0.5 * (fall.abs() - talus).max(0.0) * fall.signum();
+            self.heights[a] -= slides;
+            self.heights[b] += slides;
+        }
+    }
+
     /// Mixes every height with the mean of its neighbours, `strength` in 0..1 of it.
     pub fn smooth(&mut self, strength: f32) {
         let old = self.clone();

@@ -71,7 +71,7 @@ pub fn sweep_backdrop(stage: &mut Stage, color: Vec3, depth: f32) {
     back.push(vec2(-depth - radius - thick, 2.2));
     line.extend(back.into_iter().rev());
     let at = |x: f32| line.iter().map(|p| vec3(x, p.y, p.x)).collect::<Vec<_>>();
-    stage.body("backdrop", loft(&[at(-1.9), at(1.9)], 30.0, material).planar_uv());
+    stage.body("backdrop", loft(&[at(-4.0), at(4.0)], 30.0, material).planar_uv());
 }
 
 /// A dim room with a large soft box on the left, a strip on the right, a small one behind and, for metal and glass to

@@ -87,16 +87,18 @@ fn heights() -> HeightMap {
         let ridge = |scale: f32, seed: u32| 1.0 - 2.0 * noise3(bent / scale, seed).abs();
         let from_place = vec2(p.x - PLACE.x, p.z - PLACE.z).length();
         let hills =
-            13.0 * ridge(38.0, 1).powi(2) + 5.0 * ridge(15.0, 2).powi(2) * (from_place / 30.0).min(1.0);
-        let rim = 7.0 * (from_place / 45.0).powi(2).min(1.6);
+            11.5 * ridge(38.0, 1).powi(2) + 5.0 * ridge(15.0, 2).powi(2) * (from_place / 30.0).min(1.0);
+        let rim = 6.0 * (from_place / 45.0).powi(2).min(1.6);
         let detail = 1.6 * fractal3(bent / 5.0, 3, 9);
         // Towards the viewer the land falls, so that hills stand behind the monument and not before it.
         let open = 0.25 + 0.75 / (1.0 + ((p.z - 2.0) / 8.0).exp());
         ((hills + rim) * open * (0.25 + (from_place / 40.0).min(1.0)) + detail) / SPACING_M
     });
     map.erode(9_000, 77);
-    map.smooth(0.6);
-    map.smooth(0.5);
+    map.slump(1.1, 60);
+    for strength in [0.5, 0.3] {
+        map.smooth(strength);
+    }
     map.shape(|column, row, height| {
         let p = level(column, row);
         let from_place = vec2(p.x - PLACE.x, p.z - PLACE.z).length();
