@@ -46,7 +46,10 @@ mod tests {
     fn the_page_has_the_same_keys() {
         let page = include_str!("../../../../docs/viewer.md");
         for (key, meaning) in KEYS {
-            assert!(page.contains(&format!("| {key} | {meaning} |")), "docs/viewer.md lacks {key}: {meaning}");
+            assert!(
+                page.contains(&format!("| {key} | {meaning} |")),
+                "docs/viewer.md lacks {key}: {meaning}"
+            );
         }
     }
 }
