@@ -283,7 +283,11 @@ fn a_broken_shader_is_told_with_its_place_and_a_healed_one_is_used() {
     std::fs::write(&file, good.replace("let value = textureLoad", "let value = texturLoad")).unwrap();
     driver.until("told of the error", |viewer| viewer.shader_error().is_some());
     let error = driver.viewer.shader_error().unwrap().to_owned();
-    assert!(error.contains("tone_map.cs.wesl") && error.contains("texturLoad"), "{error}");
+    let line = 1 + good.lines().position(|line| line.contains("let value = textureLoad")).unwrap();
+    assert!(
+        error.contains(&format!("post/tone_map.cs.wesl:{line}: ")) && error.contains("texturLoad"),
+        "{error}"
+    );
     assert!(driver.picture() == before, "the last good shader is not in use");
 
     let inverted = good.replace("vec4f(floor(code) / 255.0, 1.0)", "vec4f(1.0 - floor(code) / 255.0, 1.0)");
