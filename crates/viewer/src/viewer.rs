@@ -153,6 +153,7 @@ pub struct Viewer {
     pub(crate) notices: Notices,
     source: String,
     environment: Option<String>,
+    lost: Option<String>,
     animated: bool,
 }
 
@@ -230,6 +231,7 @@ impl Viewer {
             notices: Notices::default(),
             source: options.scene,
             environment,
+            lost: None,
             animated: false,
         };
         if let Some(folder) = options.shaders {
@@ -349,7 +351,9 @@ impl Viewer {
         self.settle();
         // Maps what the GPU has sent, such as timings; a failure shows in `check`.
         let _ = self.gpu.device.poll(wgpu::PollType::Poll);
-        let Some(canvas) = canvas else {
+        self.check();
+        // Nothing can be drawn with a device that is gone.
+        let Some(canvas) = canvas.filter(|_| self.lost.is_none()) else {
             return self.outcome(egui::PlatformOutput::default(), Duration::MAX);
         };
         let ctx = self.ctx.clone();
@@ -371,14 +375,7 @@ impl Viewer {
     }
 
     fn outcome(&mut self, platform: egui::PlatformOutput, repaint_after: Duration) -> Outcome {
-        let lost = match self.gpu.check() {
-            Ok(()) => None,
-            Err(GpuError::DeviceLost(reason)) => Some(reason),
-            Err(error) => {
-                self.notices.fail(error.to_string());
-                None
-            }
-        };
+        self.check();
         let name = self.stage.as_ref().map(|stage| stage.name.as_str());
         Outcome {
             platform,
@@ -387,7 +384,16 @@ impl Viewer {
             grabs_mouse: self.panel.grabs_mouse,
             vsync: self.panel.vsync,
             fullscreen: self.panel.fullscreen,
-            lost,
+            lost: self.lost.clone(),
+        }
+    }
+
+    /// Hears what the device has to say.
+    fn check(&mut self) {
+        match self.gpu.check() {
+            Ok(()) => {}
+            Err(GpuError::DeviceLost(reason)) => self.lost = Some(reason),
+            Err(error) => self.notices.fail(error.to_string()),
         }
     }
 
