@@ -25,7 +25,7 @@ pub const KEYS: &[(&str, &str)] = &[
 /// Shows the help; `false` once it is closed.
 pub fn show(ui: &Ui) -> bool {
     let mut open = true;
-    Window::new("Keys").open(&mut open).collapsible(false).resizable(false).show(ui.ctx(), |ui| {
+    Window::new("Keys").open(&mut open).collapsible(false).auto_sized().show(ui.ctx(), |ui| {
         ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
         Grid::new("keys").num_columns(2).spacing([24.0, 5.0]).show(ui, |ui| {
             for (key, meaning) in KEYS {
