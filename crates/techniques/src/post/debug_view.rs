@@ -7,7 +7,7 @@ use chiaro_gpu::{
 };
 
 use super::{Display, uniform};
-use crate::shaders;
+use crate::shaders::{self, Viewed};
 
 /// How a buffer's values become colours, in the order of `debug_view.cs.wesl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,16 +41,13 @@ impl DebugView {
     /// # Errors
     /// When a shader does not compile.
     pub fn new(gpu: &Gpu, library: &Library, frame_layout: &GroupLayout) -> Result<Self, GpuError> {
-        let make = |depth, integer, array, grid| {
-            let permutation = shaders::debug_view(depth, integer, array, grid);
-            ComputePipeline::new(gpu, library, &permutation, &[frame_layout], &[])
+        let make = |what, array| {
+            ComputePipeline::new(gpu, library, &shaders::debug_view(what, array), &[frame_layout], &[])
         };
-        let pair = |depth, integer| -> Result<_, GpuError> {
-            Ok([make(depth, integer, false, false)?, make(depth, integer, true, false)?])
-        };
+        let pair = |what| -> Result<_, GpuError> { Ok([make(what, false)?, make(what, true)?]) };
         Ok(Self {
-            textures: [pair(false, false)?, pair(false, true)?, pair(true, false)?],
-            grid: make(false, false, false, true)?,
+            textures: [pair(Viewed::Float)?, pair(Viewed::Integer)?, pair(Viewed::Depth)?],
+            grid: make(Viewed::Grid, false)?,
             input: uniform::<[u32; 4]>(gpu, "debug_input"),
         })
     }
