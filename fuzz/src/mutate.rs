@@ -109,7 +109,7 @@ fn change_value(value: &mut Value, donor: Value, random: &mut Random) {
                 Number::from_f64(new).unwrap_or_else(|| Number::from(0))
             };
         }
-        (Value::String(text), _) => random.pick(WORDS).clone_into(text),
+        (Value::String(text), _) => *text = (*random.pick(WORDS)).to_owned(),
         (Value::Array(items), how) if !items.is_empty() => {
             let (a, b) = (random.below(items.len()), random.below(items.len()));
             match how {

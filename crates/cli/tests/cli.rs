@@ -85,6 +85,10 @@ fn work_that_fails_exits_with_1_and_says_what_where_and_what_to_do() {
     let (a, b) = (image("size_a.exr", 8, 6, 1.0), image("size_b.exr", 6, 8, 1.0));
     assert_fails(&chiaro(&["diff", &a, &b]), 1, &["8×6", "6×8", "same size"]);
     assert_fails(&chiaro(&["diff", &a, "missing.exr"]), 1, &["cannot read missing.exr"]);
+    let render = chiaro(&["render", "builtin:cornell", "--environment", "missing.hdr"]);
+    assert_fails(&render, 1, &["cannot read missing.hdr"]);
+    let render = chiaro(&["render", "builtin:cornell", "--environment", &b]);
+    assert_fails(&render, 1, &["size_b.exr", "6×8", "twice as wide"]);
     let text_file = scratch("text.exr");
     std::fs::write(&text_file, "not an image").unwrap();
     assert_fails(&chiaro(&["diff", &a, text_file.to_str().unwrap()]), 1, &["text.exr", "EXR", "convert it"]);

@@ -216,13 +216,14 @@ impl Gpu {
         Self { device, queue, info, optional, limits, created: Arc::default(), problems }
     }
 
-    /// The first error that wgpu reported since the last call.
+    /// The first error that wgpu reported since the last call; a lost device comes before what follows from it.
     ///
     /// # Errors
     /// That error.
     pub fn check(&self) -> Result<(), GpuError> {
         let mut problems = self.problems.lock().unwrap_or_else(PoisonError::into_inner);
-        let first = problems.drain(..).next();
+        let lost = problems.iter().position(|error| matches!(error, GpuError::DeviceLost(_)));
+        let first = problems.drain(..).nth(lost.unwrap_or(0));
         first.map_or(Ok(()), Err)
     }
 

@@ -17,7 +17,7 @@ pub struct FrameOutputs {
     pub shadows: ShadowOutputs,
     /// Lights per froxel.
     pub light_grid: Buffer,
-    /// Depth, normals, materials; the forward pipeline makes it only where something asks for it.
+    /// Depth, normals, materials of opaque surfaces; the forward pipeline makes it only where something asks for it.
     pub surface: Option<SurfaceBuffer>,
 }
 

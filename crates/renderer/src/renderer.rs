@@ -65,10 +65,23 @@ impl Renderer {
     /// # Errors
     /// When settings do not go together, the adapter cannot do them, or a shader does not compile.
     pub fn new(gpu: &Gpu, settings: Settings) -> Result<Self, Error> {
-        check(gpu, &settings)?;
+        Self::with(Kit::new(gpu, shaders::library()), settings, SceneFacts::default())
+    }
+
+    /// Uploads a first scene and compiles the passes that it and the settings need.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`] and [`Renderer::load`].
+    pub fn with_scene(gpu: &Gpu, settings: Settings, scene: &Scene) -> Result<(Self, LoadedScene), Error> {
         let kit = Kit::new(gpu, shaders::library());
-        let passes = kit.passes(&settings, SceneFacts::default())?;
-        gpu.check()?;
+        let loaded = kit.upload(scene)?;
+        Ok((Self::with(kit, settings, loaded.gpu.facts)?, loaded))
+    }
+
+    fn with(kit: Kit, settings: Settings, facts: SceneFacts) -> Result<Self, Error> {
+        check(&kit.gpu, &settings)?;
+        let passes = kit.passes(&settings, facts)?;
+        kit.gpu.check()?;
         Ok(Self {
             kit,
             settings,

@@ -77,5 +77,7 @@ fn transform_normal(world: &Affine3A, normal: Vec3) -> Vec3 {
     let m = world.matrix3;
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis].map(Vec3::from);
     let turned = y.cross(z) * normal.x + z.cross(x) * normal.y + x.cross(y) * normal.z;
-    (turned * m.determinant().signum()).normalize_or(Vec3::Y)
+    let turned = turned * m.determinant().signum();
+    // Scaled first: the squares of what small scales leave underflow.
+    (turned / turned.abs().max_element()).normalize_or(Vec3::Y)
 }

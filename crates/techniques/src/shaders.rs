@@ -80,11 +80,9 @@ pub fn permutations() -> Vec<Permutation> {
         "surface/cull_scan.cs.wesl",
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
-    all.push(debug_view(false, false, false, true));
+    all.push(debug_view(Viewed::Grid, false));
     for a in [false, true] {
-        all.push(debug_view(false, false, a, false));
-        all.push(debug_view(false, true, a, false));
-        all.push(debug_view(true, false, a, false));
+        all.extend([Viewed::Float, Viewed::Integer, Viewed::Depth].map(|what| debug_view(what, a)));
         all.push(resolve(a, false));
         all.push(resolve(a, true));
         all.push(behind(a));
@@ -99,10 +97,24 @@ pub fn permutations() -> Vec<Permutation> {
     all
 }
 
-/// A buffer as a picture: what kind of texture is read, and whether it is an array. A grid is a buffer.
-pub fn debug_view(depth: bool, integer: bool, array: bool, grid: bool) -> Permutation {
-    let entry = Permutation::plain("post/debug_view.cs.wesl");
-    entry.flag("depth", depth).flag("integer", integer).flag("array", array).flag("grid", grid)
+/// What kind of buffer is shown as a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Viewed {
+    /// A texture of numbers.
+    Float,
+    /// A texture of whole numbers.
+    Integer,
+    /// A depth texture; as an array, shadow maps.
+    Depth,
+    /// The light grid, which is no texture.
+    Grid,
+}
+
+/// A buffer as a picture; `array`: whether the texture is one.
+pub fn debug_view(what: Viewed, array: bool) -> Permutation {
+    let kinds = [("integer", Viewed::Integer), ("depth", Viewed::Depth), ("grid", Viewed::Grid)];
+    let entry = Permutation::plain("post/debug_view.cs.wesl").flag("array", array);
+    kinds.into_iter().fold(entry, |entry, (flag, kind)| entry.flag(flag, what == kind))
 }
 
 /// An entry file without flags.

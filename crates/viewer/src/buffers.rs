@@ -169,9 +169,9 @@ pub fn draw(
 ) -> Drawn {
     let passes = &engine.passes;
     let BufferView { source, mapping, .. } = *shown.view();
-    let debug = &passes.debug;
+    let (debug, group) = (&passes.debug, engine.renderer.frame_group());
     let show = |frame: &mut Frame<'_>, debug: &DebugView, texture: &Texture, scale: f32| {
-        debug.record(frame, (texture, shown.layer), (mapping, scale), &passes.display, picture);
+        debug.record(frame, group, (texture, shown.layer), (mapping, scale), &passes.display, picture);
         let options = texture.options();
         let aspect = options.width as f32 / options.height as f32;
         Drawn { layers: options.layers.unwrap_or(1), aspect, exists: true }
@@ -189,14 +189,14 @@ pub fn draw(
         }
         Source::LightGrid => surface.map(|surface| {
             let grid = (&surface.depth, &outputs.light_grid);
-            debug.record_grid(frame, engine.renderer.frame_group(), grid, picture);
+            debug.record_grid(frame, group, grid, picture);
             let options = picture.options();
             Drawn { layers: 1, aspect: options.width as f32 / options.height as f32, exists: true }
         }),
         Source::Aov(aov) => surface.map(|surface| {
             sum.restart();
             let inputs = (surface, &outputs.shadows, &outputs.light_grid);
-            passes.aov.record(frame, engine.renderer.frame_group(), inputs, (0, aov), sum);
+            passes.aov.record(frame, group, inputs, (0, aov), sum);
             let scale = if aov == Aov::Depth { 10.0 / stage.size_m() } else { 1.0 };
             show(frame, debug, sum.texture(), scale)
         }),

@@ -5,6 +5,8 @@ use chiaro::{Built, Error, Gpu, GpuError, Kit, Plan, Renderer, Settings};
 
 use chiaro::techniques::direct::Permutations;
 
+use crate::stage::{self, Stage};
+
 /// What turns frames into pictures.
 #[derive(Debug)]
 pub struct PicturePasses {
@@ -53,14 +55,25 @@ pub struct Rebuilt {
 }
 
 impl Engine {
-    /// Compiles what settings need. Takes up to seconds; any thread may do it.
+    /// Loads a scene and compiles what it and the settings need; without the scene where that cannot be read. Takes up to
+    /// seconds; any thread may do it.
     ///
     /// # Errors
     /// When the settings do not go together, or the adapter cannot do them.
-    pub fn new(gpu: &Gpu, settings: Settings) -> Result<Self, Error> {
-        let renderer = Renderer::new(gpu, settings)?;
+    pub fn new(
+        gpu: &Gpu,
+        settings: Settings,
+        (source, environment): (&str, Option<&str>),
+    ) -> Result<(Self, Result<Stage, Error>), Error> {
+        let (renderer, stage) = match stage::read(source, environment) {
+            Ok(scene) => {
+                let (renderer, loaded) = Renderer::with_scene(gpu, settings, &scene)?;
+                (renderer, Ok(Stage::new(source, scene, loaded)))
+            }
+            Err(error) => (Renderer::new(gpu, settings)?, Err(error)),
+        };
         let passes = PicturePasses::new(renderer.kit(), renderer.permutations())?;
-        Ok(Self { renderer, passes, generation: 0 })
+        Ok((Self { renderer, passes, generation: 0 }, stage))
     }
 
     /// Takes over what was compiled; `false` when it is out of date.

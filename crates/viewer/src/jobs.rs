@@ -16,7 +16,7 @@ mod threaded {
     /// One worker that does jobs in order; results of type `T` are fetched later.
     #[derive(Debug)]
     pub struct Jobs<T> {
-        jobs: Option<Sender<Job<T>>>,
+        to_do: Option<Sender<Job<T>>>,
         results: Receiver<T>,
         worker: Option<JoinHandle<()>>,
     }
@@ -24,10 +24,10 @@ mod threaded {
     impl<T: Send + 'static> Jobs<T> {
         /// Starts the worker; it calls `wake` whenever a result has arrived.
         pub fn new(wake: impl Fn() + Send + 'static) -> Self {
-            let (jobs, to_do) = channel::<Job<T>>();
+            let (to_do, queue) = channel::<Job<T>>();
             let (done, results) = channel();
             let work = move || {
-                while let Ok(job) = to_do.recv() {
+                while let Ok(job) = queue.recv() {
                     if done.send(job()).is_err() {
                         break;
                     }
@@ -36,14 +36,14 @@ mod threaded {
             };
             let worker = std::thread::Builder::new().name("chiaro-worker".into()).spawn(work);
             let worker = worker.inspect_err(|e| tracing::error!("no worker thread: {e}")).ok();
-            Self { jobs: Some(jobs), results, worker }
+            Self { to_do: Some(to_do), results, worker }
         }
 
         /// Puts a job at the end of the queue.
         pub fn start(&mut self, job: impl FnOnce() -> T + Send + 'static) {
-            if let Some(jobs) = &self.jobs {
+            if let Some(to_do) = &self.to_do {
                 // Fails only when the worker is gone, and with it whoever waits for the result.
-                let _ = jobs.send(Box::new(job));
+                let _ = to_do.send(Box::new(job));
             }
         }
 
@@ -56,7 +56,7 @@ mod threaded {
     impl<T> Drop for Jobs<T> {
         fn drop(&mut self) {
             // The worker may be in the driver's compiler, which must not outlive the process' clean-up.
-            self.jobs = None;
+            self.to_do = None;
             if let Some(worker) = self.worker.take() {
                 let _ = worker.join();
             }

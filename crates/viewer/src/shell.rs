@@ -19,11 +19,17 @@ use crate::viewer::{Canvas, Options, Outcome, Viewer};
 /// # Errors
 /// When there is no display or no device, or a lost device cannot be opened again.
 pub fn run(options: Options) -> Result<(), ViewerError> {
-    let event_loop =
-        EventLoop::with_user_event().build().map_err(|e| ViewerError::NoDisplay(e.to_string()))?;
+    let event_loop = EventLoop::with_user_event().build().map_err(|e| no_display(&e))?;
     let mut shell = Shell::new(&event_loop, options);
-    event_loop.run_app(&mut shell).map_err(|e| ViewerError::NoDisplay(e.to_string()))?;
+    event_loop.run_app(&mut shell).map_err(|e| no_display(&e))?;
     shell.error.map_or(Ok(()), Err)
+}
+
+/// winit's reason, without the place in winit's source that it begins with.
+fn no_display(error: &dyn std::error::Error) -> ViewerError {
+    let text = error.to_string();
+    let reason = text.split_once(": ").map_or(text.as_str(), |(_, reason)| reason);
+    ViewerError::NoDisplay(reason.trim_end_matches('.').to_owned())
 }
 
 /// What wakes a waiting event loop.
@@ -163,7 +169,7 @@ impl ApplicationHandler<Wake> for Shell {
                 self.window = Some(window.clone());
                 self.start(event_loop, window);
             }
-            Err(error) => self.fail(event_loop, ViewerError::NoDisplay(error.to_string())),
+            Err(error) => self.fail(event_loop, no_display(&error)),
         }
     }
 

@@ -22,18 +22,32 @@ pub struct Stage {
     pub pose: Pose,
 }
 
+/// Reads a scene from its file.
+///
+/// # Errors
+/// When it, or the picture of its surroundings, cannot be read.
+pub fn read(source: &str, environment: Option<&str>) -> Result<Scene, Error> {
+    let mut scene = scene::load(source)?;
+    if let Some(file) = environment {
+        scene.environment = Some(chiaro::environment::load(file, &mut scene.warnings)?);
+    }
+    scene.add_default_view();
+    Ok(scene)
+}
+
 impl Stage {
     /// Reads and uploads a scene. Takes up to seconds; any thread may do it.
     ///
     /// # Errors
     /// When it cannot be read, or does not fit the adapter.
     pub fn load(kit: &Kit, source: &str, environment: Option<&str>) -> Result<Self, Error> {
-        let mut scene = scene::load(source)?;
-        if let Some(file) = environment {
-            scene.environment = Some(chiaro::environment::load(file, &mut scene.warnings)?);
-        }
-        scene.add_default_view();
+        let scene = read(source, environment)?;
         let loaded = kit.upload(&scene)?;
+        Ok(Self::new(source, scene, loaded))
+    }
+
+    /// Names what there is.
+    pub fn new(source: &str, scene: Scene, loaded: LoadedScene) -> Self {
         let file = source.strip_prefix("builtin:").unwrap_or(source);
         let name = file.rsplit(['/', '\\']).next().unwrap_or(file).to_owned();
         let cameras = scene.placed_cameras();
@@ -44,7 +58,7 @@ impl Stage {
         let cameras = cameras.iter().enumerate().map(label).collect();
         let duration_s = scene.duration_s().map(f64::from).filter(|s| *s > 0.0);
         let pose = scene.pose(0.0);
-        Ok(Self { source: source.to_owned(), name, cameras, duration_s, pose, loaded, scene })
+        Self { source: source.to_owned(), name, cameras, duration_s, pose, loaded, scene }
     }
 
     /// Moves everything to a moment.

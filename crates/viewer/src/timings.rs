@@ -78,7 +78,9 @@ impl TimingHistory {
             }
         }
         for row in &mut self.passes {
-            row.push(timings.passes.iter().filter(|pass| pass.name == row.name).map(|pass| pass.ms).sum());
+            let of_row = timings.passes.iter().filter(|pass| pass.name == row.name);
+            // A plain sum of nothing is −0.
+            row.push(of_row.fold(0.0, |sum, pass| sum + pass.ms));
         }
         // A pass that has not run for as long as is remembered is of another technique.
         self.passes.retain(|row| row.values_ms.iter().any(|ms| *ms > 0.0));

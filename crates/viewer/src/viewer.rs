@@ -6,7 +6,7 @@ use std::time::Duration;
 use chiaro::{Gpu, GpuError, Library, Recorder, Settings, View, wgpu};
 use egui_wgpu::ScreenDescriptor;
 
-use crate::buffers::Place;
+use crate::buffers::{BUFFERS, Place};
 use crate::camera::FlyCamera;
 use crate::engine::{Engine, Rebuilt};
 use crate::files;
@@ -98,7 +98,7 @@ impl std::fmt::Debug for Outcome {
 
 /// What jobs report.
 pub(crate) enum Report {
-    Started(Result<Box<Engine>, String>),
+    Started(Result<(Box<Engine>, Result<Box<Stage>, String>), String>),
     Loaded(Result<Box<Stage>, String>),
     Rebuilt(Result<Box<Rebuilt>, String>, Purpose),
     Written(Result<String, String>),
@@ -153,6 +153,7 @@ pub struct Viewer {
     pub(crate) notices: Notices,
     source: String,
     environment: Option<String>,
+    lost: Option<String>,
     animated: bool,
 }
 
@@ -180,9 +181,16 @@ fn offer(
 }
 
 /// Compiles the first passes.
-fn start(jobs: &mut Jobs<Report>, gpu: &Gpu, settings: &Settings) {
-    let (gpu, settings) = (gpu.clone(), settings.clone());
-    jobs.start(move || Report::Started(Engine::new(&gpu, settings).map(Box::new).map_err(|e| e.to_string())));
+fn start(jobs: &mut Jobs<Report>, gpu: &Gpu, settings: &Settings, scene: &str, environment: Option<&str>) {
+    let (gpu, settings, scene) = (gpu.clone(), settings.clone(), scene.to_owned());
+    let environment = environment.map(str::to_owned);
+    jobs.start(move || {
+        let started = Engine::new(&gpu, settings, (&scene, environment.as_deref()));
+        let told = started
+            .map(|(engine, stage)| (Box::new(engine), stage.map(Box::new).map_err(|e| e.to_string())))
+            .map_err(|e| e.to_string());
+        Report::Started(told)
+    });
 }
 
 impl Viewer {
@@ -193,7 +201,8 @@ impl Viewer {
         let wake = ctx.clone();
         let painter = egui_wgpu::Renderer::new(&gpu.device, format, egui_wgpu::RendererOptions::default());
         let mut jobs = Jobs::new(move || wake.request_repaint());
-        start(&mut jobs, gpu, &options.settings);
+        let environment = options.environment.map(|path| path.to_string_lossy().into_owned());
+        start(&mut jobs, gpu, &options.settings, &options.scene, environment.as_deref());
         let mut viewer = Self {
             gpu: gpu.clone(),
             ctx,
@@ -221,7 +230,8 @@ impl Viewer {
             panel: PanelState::default(),
             notices: Notices::default(),
             source: options.scene,
-            environment: options.environment.map(|path| path.to_string_lossy().into_owned()),
+            environment,
+            lost: None,
             animated: false,
         };
         if let Some(folder) = options.shaders {
@@ -286,6 +296,36 @@ impl Viewer {
         self.stage.as_ref().and(self.picture.texture())
     }
 
+    /// The buffer that is shown beside or instead of the picture, 8-bit sRGB; `None` where there is none.
+    pub fn buffer(&self) -> Option<&chiaro::Texture> {
+        self.picture.drawn().filter(|drawn| drawn.exists).and(self.picture.buffer_texture())
+    }
+
+    /// Names of all buffers, in the order of the keys.
+    pub fn buffers() -> impl Iterator<Item = &'static str> {
+        BUFFERS.iter().map(|buffer| buffer.name)
+    }
+
+    /// Frames that the picture is the mean of.
+    pub fn frames(&self) -> u32 {
+        self.picture.frames()
+    }
+
+    /// What is wrong with the shaders on disk; the last good ones are in use.
+    pub fn shader_error(&self) -> Option<&str> {
+        self.panel.shader_error.as_deref()
+    }
+
+    /// Why the last change of settings was refused.
+    pub fn settings_error(&self) -> Option<&str> {
+        self.panel.settings_error.as_deref()
+    }
+
+    /// Messages that the window shows.
+    pub fn messages(&self) -> impl Iterator<Item = &str> {
+        self.notices.texts()
+    }
+
     /// What a new viewer needs to go on where this one ended.
     pub fn memory(&self) -> Options {
         Options {
@@ -311,7 +351,9 @@ impl Viewer {
         self.settle();
         // Maps what the GPU has sent, such as timings; a failure shows in `check`.
         let _ = self.gpu.device.poll(wgpu::PollType::Poll);
-        let Some(canvas) = canvas else {
+        self.check();
+        // Nothing can be drawn with a device that is gone.
+        let Some(canvas) = canvas.filter(|_| self.lost.is_none()) else {
             return self.outcome(egui::PlatformOutput::default(), Duration::MAX);
         };
         let ctx = self.ctx.clone();
@@ -319,7 +361,7 @@ impl Viewer {
         self.act(&ctx);
         self.settle();
         self.draw_picture();
-        self.paint(&ctx, output.shapes, output.pixels_per_point, &output.textures_delta, canvas);
+        self.paint(&ctx, output.shapes, output.pixels_per_point, output.textures_delta, canvas);
         if self.animated {
             ctx.request_repaint();
         }
@@ -333,14 +375,7 @@ impl Viewer {
     }
 
     fn outcome(&mut self, platform: egui::PlatformOutput, repaint_after: Duration) -> Outcome {
-        let lost = match self.gpu.check() {
-            Ok(()) => None,
-            Err(GpuError::DeviceLost(reason)) => Some(reason),
-            Err(error) => {
-                self.notices.fail(error.to_string());
-                None
-            }
-        };
+        self.check();
         let name = self.stage.as_ref().map(|stage| stage.name.as_str());
         Outcome {
             platform,
@@ -349,17 +384,33 @@ impl Viewer {
             grabs_mouse: self.panel.grabs_mouse,
             vsync: self.panel.vsync,
             fullscreen: self.panel.fullscreen,
-            lost,
+            lost: self.lost.clone(),
+        }
+    }
+
+    /// Hears what the device has to say.
+    fn check(&mut self) {
+        match self.gpu.check() {
+            Ok(()) => {}
+            Err(GpuError::DeviceLost(reason)) => self.lost = Some(reason),
+            Err(error) => self.notices.fail(error.to_string()),
         }
     }
 
     fn take_reports(&mut self) {
         while let Some(report) = self.jobs.poll() {
             match report {
-                Report::Started(Ok(engine)) => {
+                Report::Started(Ok((engine, stage))) => {
                     self.engine = Some(*engine);
-                    if let Some(source) = self.loading.clone() {
-                        self.load(&source);
+                    let asked = self.loading.clone().filter(|asked| *asked != self.source);
+                    match (asked, stage) {
+                        // Something else was dropped onto the window meanwhile.
+                        (Some(source), _) => self.load(&source),
+                        (None, Ok(stage)) => self.incoming = Some(stage),
+                        (None, Err(error)) => {
+                            self.loading = None;
+                            self.notices.fail(error);
+                        }
                     }
                 }
                 Report::Started(Err(error)) => {
@@ -368,7 +419,8 @@ impl Viewer {
                         self.loading = None;
                     } else {
                         self.wanted = Settings::default();
-                        start(&mut self.jobs, &self.gpu, &self.wanted);
+                        let environment = self.environment.as_deref();
+                        start(&mut self.jobs, &self.gpu, &self.wanted, &self.source, environment);
                     }
                 }
                 Report::Loaded(Ok(stage)) => self.incoming = Some(stage),
@@ -588,7 +640,7 @@ impl Viewer {
         ctx: &egui::Context,
         shapes: Vec<egui::epaint::ClippedShape>,
         pixels_per_point: f32,
-        textures: &egui::TexturesDelta,
+        mut textures: egui::TexturesDelta,
         canvas: Canvas<'_>,
     ) {
         let Gpu { device, queue, .. } = &self.gpu;
@@ -621,5 +673,6 @@ impl Viewer {
         for id in &textures.free {
             self.painter.free_texture(id);
         }
+        textures.clear();
     }
 }

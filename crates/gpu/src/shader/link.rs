@@ -94,7 +94,32 @@ impl Library {
         }
         let root = module_path(permutation.entry).map_err(&fail)?;
         let wgsl = wesl.compile(&root).map_err(|e| fail(e.to_string()))?.to_string();
-        Linked::validate(permutation, wgsl)
+        Linked::validate(permutation, wgsl, |line| self.place_of(line, permutation.entry))
+    }
+
+    /// `path:line` of the line that became this one of the linked text; linking moves lines and renames what is imported,
+    /// so they are compared without names' modules and spaces, the entry file's first.
+    fn place_of(&self, linked: &str, entry: &str) -> Option<String> {
+        let bare = |line: &str| -> String {
+            let words = line.split_inclusive(|c: char| !c.is_alphanumeric() && c != '_');
+            words
+                .map(|word| {
+                    let (name, end) = word
+                        .split_at(word.trim_end_matches(|c: char| !c.is_alphanumeric() && c != '_').len());
+                    format!("{}{}", unmangled(name), end.trim())
+                })
+                .collect()
+        };
+        let wanted = bare(linked);
+        let find = |(path, text): &(&'static str, Cow<'static, str>)| {
+            let index = text.lines().position(|line| bare(line) == wanted)?;
+            Some(format!("{path}:{}", index + 1))
+        };
+        if !wanted.chars().any(char::is_alphanumeric) {
+            return None;
+        }
+        let (own, others): (Vec<_>, Vec<_>) = self.files.iter().partition(|(path, _)| *path == entry);
+        own.into_iter().chain(others).find_map(find)
     }
 }
 
@@ -117,4 +142,23 @@ impl Mangler for PathMangler {
 /// The item's own name, without the module.
 pub(super) fn unmangled(name: &str) -> &str {
     name.split_once("_of_").map_or(name, |(item, _)| item)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_names_the_line_of_the_module_that_it_is_in() {
+        let entry = "import package::b::thrice;\n\n@compute @workgroup_size(1)\nfn main() {\n    _ = thrice(2.0);\n}\n";
+        let module = "// Three times.\nfn thrice(x: f32) -> f32 {\n    // A comment that linking drops.\n    return x * 3u;\n}\n";
+        let permutation = Permutation::plain("a.cs.wesl");
+        let library = Library::new(&[("a.cs.wesl", entry)]).with(&[("b.wesl", module)]);
+        let error = library.link(&permutation).unwrap_err().to_string();
+        assert!(error.contains("b.wesl:4: "), "{error}");
+        let wrong = entry.replace("2.0", "two");
+        let library = library.replaced(|path| (path == "a.cs.wesl").then(|| wrong.clone()));
+        let error = library.link(&permutation).unwrap_err().to_string();
+        assert!(error.contains("a.cs.wesl"), "{error}");
+    }
 }

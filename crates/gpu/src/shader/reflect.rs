@@ -36,10 +36,21 @@ pub struct Reflected {
 }
 
 impl Linked {
-    pub(super) fn validate(permutation: &Permutation, wgsl: String) -> Result<Self, GpuError> {
+    /// `place` finds where in the modules a line of the linked text comes from.
+    pub(super) fn validate(
+        permutation: &Permutation,
+        wgsl: String,
+        place: impl Fn(&str) -> Option<String>,
+    ) -> Result<Self, GpuError> {
         let label = permutation.label();
         let fail = |message: String| GpuError::Shader { name: label.clone(), message };
-        let module = naga::front::wgsl::parse_str(&wgsl).map_err(|e| fail(e.emit_to_string(&wgsl)))?;
+        let fail_at = |message: String, at: Option<naga::SourceLocation>| {
+            let line = at.and_then(|at| wgsl.lines().nth(at.line_number.saturating_sub(1) as usize));
+            let place = line.and_then(&place).map_or_else(String::new, |place| format!("{place}: "));
+            fail(format!("{place}{message}"))
+        };
+        let module = naga::front::wgsl::parse_str(&wgsl)
+            .map_err(|e| fail_at(e.emit_to_string(&wgsl), e.location(&wgsl)))?;
         // Linking keeps every entry point of every module that it loads.
         let mut stages: Vec<_> = module.entry_points.iter().map(|entry| entry.stage as u32).collect();
         stages.sort_unstable();
@@ -49,9 +60,12 @@ impl Linked {
         // Packing half floats is WebGPU's core; some OpenGL versions lack it.
         let capabilities =
             Capabilities::default() | Capabilities::PRIMITIVE_INDEX | Capabilities::SHADER_FLOAT16_IN_FLOAT32;
-        let info = Validator::new(ValidationFlags::all(), capabilities)
-            .validate(&module)
-            .map_err(|e| fail(e.emit_to_string(&wgsl)))?;
+        let info = Validator::new(ValidationFlags::all(), capabilities).validate(&module).map_err(|e| {
+            // Of the function, the statement and the expression, the expression.
+            let spans = e.spans().filter_map(|(span, _)| Some((span.to_range()?.len(), span)));
+            let narrowest = spans.min_by_key(|(length, _)| *length);
+            fail_at(e.emit_to_string(&wgsl), narrowest.map(|(_, span)| span.location(&wgsl)))
+        })?;
         Ok(Self { label, wgsl, module, info })
     }
 

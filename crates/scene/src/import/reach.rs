@@ -9,8 +9,8 @@ use glam::{Affine3A, Vec3};
 
 use crate::{Channel, Interpolation, Keys, Mesh, Scene, SceneError};
 
-/// The farthest that a position may get, in metres: what is left up to `f32::MAX` is for sums.
-const MAX_REACH: f64 = 1e30;
+/// The farthest that a position may get, in metres: its square, and sums of such, are in the range of `f32`.
+const MAX_REACH: f64 = 1e18;
 
 /// How much a transform stretches at most, and how far it moves.
 #[derive(Clone, Copy)]

@@ -7,7 +7,7 @@ use chiaro_gpu::{
 };
 
 use super::{Display, uniform};
-use crate::shaders;
+use crate::shaders::{self, Viewed};
 
 /// How a buffer's values become colours, in the order of `debug_view.cs.wesl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,25 +41,23 @@ impl DebugView {
     /// # Errors
     /// When a shader does not compile.
     pub fn new(gpu: &Gpu, library: &Library, frame_layout: &GroupLayout) -> Result<Self, GpuError> {
-        let make = |depth, integer, array, grid| {
-            let permutation = shaders::debug_view(depth, integer, array, grid);
-            ComputePipeline::new(gpu, library, &permutation, &[frame_layout], &[])
+        let make = |what, array| {
+            ComputePipeline::new(gpu, library, &shaders::debug_view(what, array), &[frame_layout], &[])
         };
-        let pair = |depth, integer| -> Result<_, GpuError> {
-            Ok([make(depth, integer, false, false)?, make(depth, integer, true, false)?])
-        };
+        let pair = |what| -> Result<_, GpuError> { Ok([make(what, false)?, make(what, true)?]) };
         Ok(Self {
-            textures: [pair(false, false)?, pair(false, true)?, pair(true, false)?],
-            grid: make(false, false, false, true)?,
+            textures: [pair(Viewed::Float)?, pair(Viewed::Integer)?, pair(Viewed::Depth)?],
+            grid: make(Viewed::Grid, false)?,
             input: uniform::<[u32; 4]>(gpu, "debug_input"),
         })
     }
 
-    /// Shows a layer of a texture, stretched over `picture` (as [`Display::picture`] makes it). `display` has made this
+    /// Shows a layer of a texture (of a depth array: of shadow maps, how near to the light), stretched over `picture` (as [`Display::picture`] makes it). `display` has made this
     /// frame's picture, whose exposure it shares.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
+        frame_group: &Group,
         (texture, layer): (&Texture, u32),
         (mapping, scale): (Mapping, f32),
         display: &Display,
@@ -80,7 +78,7 @@ impl DebugView {
             ("exposure", display.exposure().into()),
             ("picture", picture.into()),
         ];
-        frame.compute("post/debug_view", pipeline, &[], &binds, over(picture.options()));
+        frame.compute("post/debug_view", pipeline, &[frame_group], &binds, over(picture.options()));
     }
 
     /// Shows how many lights may reach what each pixel shows: black none, then blue, red, yellow, and white from 16 on.

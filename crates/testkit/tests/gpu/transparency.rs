@@ -3,7 +3,7 @@
 use chiaro::scene::{AlphaMode, Filter, Material, Reflection, Wrap};
 use chiaro::{Gpu, LoadedScene, Pipeline, Recorder, Settings};
 use chiaro_image::Image;
-use chiaro_testkit::{Stage, Studio, camera_above, device, device_of_its_own, direct};
+use chiaro_testkit::{Stage, Studio, camera_above, device, device_guaranteed, device_of_its_own, direct};
 use glam::{Quat, Vec2, Vec3};
 
 const SIZE: [u32; 2] = [64, 64];
@@ -158,21 +158,25 @@ fn absorption_grows_with_thickness_as_beer_and_lambert_say() {
     }
 }
 
-#[test]
-fn a_tilted_slab_moves_what_is_behind_it_as_snell_says() {
-    let gpu = device();
+/// A slab above an edge along x = 0, white to the right, and by how many pixels the edge moves to the left.
+fn tilted_slab(dispersion: f32) -> (Stage, f32) {
     let mut stage = Stage::new();
-    level(&mut stage, 0.0, 3.0, unlit(Vec3::splat(0.1)));
     let white = stage.material(unlit(Vec3::ONE));
-    // An edge along x = 0: white to the right.
     stage.quad(Vec3::new(1.0, 0.1, 0.0), Vec3::X, Vec3::NEG_Z * 2.0, white);
     let (ior, thickness, tilt) = (1.5f32, 0.4, 0.6f32);
-    let glass = stage.material(Material { ior, thickness, ..clear() });
+    let glass = stage.material(Material { ior, thickness, dispersion, ..clear() });
     let turn = Quat::from_rotation_z(tilt);
     stage.quad(Vec3::Y * 2.0, turn * Vec3::X * 2.0, Vec3::NEG_Z * 2.0, glass);
     // The slab leans to −X, and a ray straight down is bent towards its inverted normal, to +X.
     let bent = (tilt.sin() / ior).asin();
-    let shift_px = 32.0 * thickness * (tilt - bent).sin();
+    (stage, 32.0 * thickness * (tilt - bent).sin())
+}
+
+#[test]
+fn a_tilted_slab_moves_what_is_behind_it_as_snell_says() {
+    let gpu = device();
+    let (mut stage, shift_px) = tilted_slab(0.0);
+    level(&mut stage, 0.0, 3.0, unlit(Vec3::splat(0.1)));
     for mut studio in studios(&gpu) {
         let image = picture(&mut studio, &stage);
         let row: Vec<f32> = (0..64).map(|x| image.pixel(x, 32)[0]).collect();
@@ -180,6 +184,25 @@ fn a_tilted_slab_moves_what_is_behind_it_as_snell_says() {
         let edge = row.iter().map(|v| (1.0 - v) / 0.9).sum::<f32>();
         assert!((edge - (32.0 - shift_px)).abs() < 0.3, "edge at {edge}, shifted by {shift_px}: {row:?}");
     }
+}
+
+#[test]
+fn dispersion_bends_blue_more_than_red() {
+    let gpu = device();
+    let mut studio = Studio::new(&gpu, direct(&[]));
+    let mut edges = |dispersion| {
+        let (mut stage, _) = tilted_slab(dispersion);
+        level(&mut stage, 0.0, 3.0, unlit(Vec3::ZERO));
+        let image = picture(&mut studio, &stage);
+        [0, 1, 2].map(|channel| 64.0 - (0..64).map(|x| image.pixel(x, 32)[channel]).sum::<f32>())
+    };
+    let [red, green, blue] = edges(10.0);
+    // Indices 1.375, 1.5 and 1.625.
+    let shift = |ior: f32| 32.0 * 0.4 * (0.6 - (0.6f32.sin() / ior).asin()).sin();
+    for (edge, ior) in [(red, 1.375), (green, 1.5), (blue, 1.625)] {
+        assert!((edge - (32.0 - shift(ior))).abs() < 0.3, "{red} {green} {blue}");
+    }
+    assert!(red - blue > 0.5 && edges(0.0).windows(2).all(|pair| pair[0] == pair[1]));
 }
 
 #[test]
@@ -265,6 +288,21 @@ fn opaque_scenes_cost_and_show_the_same_before_and_after_a_see_through_one() {
             |seen: &(Vec<&str>, Image)| seen.0.iter().any(|name| name.starts_with("transparency/"));
         assert!(!transparent(&seen[0]) && transparent(&seen[1]));
         assert!(seen[0] == seen[2]);
+    }
+}
+
+#[test]
+fn guaranteed_webgpu_is_enough_for_glass() {
+    let (full, guaranteed) = (device(), device_guaranteed());
+    let mut stage = checkerboard();
+    level(&mut stage, 1.0, 0.8, Material { roughness: 0.3, ..clear() });
+    level(&mut stage, 2.0, 0.6, blend(Vec3::X, 0.5));
+    for settings in pipelines() {
+        let [a, b]: [Image; 2] =
+            [&*full, &*guaranteed].map(|gpu| picture(&mut Studio::new(gpu, settings.clone()), &stage));
+        for (a, b) in a.pixels().iter().zip(b.pixels()) {
+            assert_is(*a, Vec3::from(*b), CODE);
+        }
     }
 }
 

@@ -25,7 +25,8 @@ pub const KEYS: &[(&str, &str)] = &[
 /// Shows the help; `false` once it is closed.
 pub fn show(ui: &Ui) -> bool {
     let mut open = true;
-    Window::new("Keys").open(&mut open).collapsible(false).resizable(false).show(ui.ctx(), |ui| {
+    Window::new("Keys").open(&mut open).collapsible(false).auto_sized().show(ui.ctx(), |ui| {
+        ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
         Grid::new("keys").num_columns(2).spacing([24.0, 5.0]).show(ui, |ui| {
             for (key, meaning) in KEYS {
                 ui.label(RichText::new(*key).strong());
@@ -35,4 +36,20 @@ pub fn show(ui: &Ui) -> bool {
         });
     });
     open
+}
+
+#[cfg(test)]
+mod tests {
+    use super::KEYS;
+
+    #[test]
+    fn the_page_has_the_same_keys() {
+        let page = include_str!("../../../../docs/viewer.md");
+        for (key, meaning) in KEYS {
+            assert!(
+                page.contains(&format!("| {key} | {meaning} |")),
+                "docs/viewer.md lacks {key}: {meaning}"
+            );
+        }
+    }
 }

@@ -92,6 +92,11 @@ impl Notices {
         self.push(text.into(), true);
     }
 
+    /// All of them, oldest first.
+    pub fn texts(&self) -> impl Iterator<Item = &str> {
+        self.0.iter().map(|notice| notice.text.as_str())
+    }
+
     fn push(&mut self, text: String, is_error: bool) {
         if self.0.iter().any(|notice| notice.text == text) {
             return;
@@ -149,7 +154,10 @@ impl Viewer {
     pub(crate) fn ui(&mut self, ui: &mut Ui) {
         egui::Panel::bottom("status").show(ui, |ui| self.status_ui(ui));
         if self.panel.shown {
-            egui::Panel::right("panel").default_size(370.0).min_size(300.0).show(ui, |ui| {
+            // Whatever the panel holds, the picture keeps its part of a small window.
+            let most = 0.6 * ui.available_width();
+            let panel = egui::Panel::right("panel").default_size(370.0).min_size(300.0).max_size(most);
+            panel.show(ui, |ui| {
                 egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                     self.scene_ui(ui);
                     self.picture_ui(ui);
@@ -179,7 +187,7 @@ impl Viewer {
         }
         if response.clicked() || response.drag_started() {
             // Keys are the camera's again.
-            ui.memory_mut(|memory| memory.stop_text_input());
+            ui.memory_mut(egui::Memory::stop_text_input);
         }
         if response.double_clicked() && self.stage.is_some() {
             self.panel.grabs_mouse = !self.panel.grabs_mouse;

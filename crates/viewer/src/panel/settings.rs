@@ -8,6 +8,8 @@ use crate::viewer::Viewer;
 
 /// From this ratio of its ends on a slider is logarithmic.
 const WIDE_RANGE: f64 = 200.0;
+/// Points that names take.
+const NAME_WIDTH: f32 = 130.0;
 
 impl Viewer {
     pub(crate) fn settings_ui(&mut self, ui: &mut Ui) {
@@ -116,7 +118,13 @@ fn name_of(field: &Field) -> String {
 
 fn field_ui(ui: &mut Ui, wanted: &mut Settings, field: &Field) {
     let Some(value) = wanted.get(&field.key) else { return };
-    ui.label(name_of(field)).on_hover_ui(|ui| about(ui, field));
+    // The same width in all groups, so that widgets stand in one column.
+    let size = egui::vec2(NAME_WIDTH, ui.spacing().interact_size.y);
+    let left = egui::Layout::left_to_right(egui::Align::Center);
+    ui.allocate_ui_with_layout(size, left, |ui| {
+        ui.set_min_width(NAME_WIDTH);
+        ui.label(name_of(field)).on_hover_ui(|ui| about(ui, field));
+    });
     let new = widget(ui, field, &value);
     let reset = if value == field.default {
         ui.label("");

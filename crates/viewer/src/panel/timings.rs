@@ -18,25 +18,28 @@ impl Viewer {
                 );
             }
             plot(ui, &self.timings);
-            Grid::new("timings").num_columns(3).striped(true).spacing([10.0, 2.0]).show(ui, |ui| {
-                let sum_ms = self.timings.sum_ms();
-                row(ui, &mut self.timings.frame, "Wall time from one frame to the next");
-                if self.gpu.optional.timestamps {
-                    row(
-                        ui,
-                        &mut self.timings.span,
-                        "GPU time from the first pass' begin to the last one's end",
-                    );
-                    for pass in &mut self.timings.passes {
-                        row(ui, pass, "");
+            Grid::new("passes").num_columns(3).min_col_width(20.0).striped(true).spacing([10.0, 2.0]).show(
+                ui,
+                |ui| {
+                    let sum_ms = self.timings.sum_ms();
+                    row(ui, &mut self.timings.frame, "Wall time from one frame to the next");
+                    if self.gpu.optional.timestamps {
+                        row(
+                            ui,
+                            &mut self.timings.span,
+                            "GPU time from the first pass' begin to the last one's end",
+                        );
+                        for pass in &mut self.timings.passes {
+                            row(ui, pass, "");
+                        }
+                        ui.label("");
+                        ui.label(RichText::new("sum of passes").strong())
+                            .on_hover_text("Passes may overlap, so the GPU's time can be less than this");
+                        number(ui, sum_ms, true);
+                        ui.end_row();
                     }
-                    ui.label("");
-                    ui.label(RichText::new("sum of passes").strong())
-                        .on_hover_text("Passes may overlap, so the GPU's time can be less than this");
-                    number(ui, sum_ms, true);
-                    ui.end_row();
-                }
-            });
+                },
+            );
         });
     }
 }
@@ -57,7 +60,7 @@ fn number(ui: &mut Ui, ms: f64, strong: bool) {
 }
 
 fn plot(ui: &mut Ui, timings: &TimingHistory) {
-    let plot = Plot::new("timings")
+    let plot = Plot::new("history")
         .height(140.0)
         .include_y(0.0)
         .include_x(0.0)

@@ -97,7 +97,8 @@ impl<'a> Accessors<'a> {
     /// The bytes of a buffer view.
     fn view(&self, view: &View<'a>) -> Result<&'a [u8], SceneError> {
         self.buffers.view(view).ok_or_else(|| {
-            let problem = format!("it reaches past the end of buffers[{}]", view.buffer().index());
+            let problem =
+                format!("buffers[{}] does not reach that far or has no data", view.buffer().index());
             self.file.invalid(format!("bufferViews[{}]", view.index()), problem)
         })
     }

@@ -2,8 +2,7 @@
 
 use std::collections::HashMap;
 
-use ::gltf::buffer::{Buffer, Source, View};
-use ::gltf::json::Value;
+use ::gltf::buffer::{Source, View};
 
 use super::super::limits::Budget;
 use super::super::source::Resource;
@@ -12,7 +11,7 @@ use crate::SceneError;
 
 /// All bytes of one file.
 pub(super) struct Buffers {
-    /// `None` for a buffer that has no data of its own: it stands in for compressed views.
+    /// `None` for a buffer without data, which may stand for what compressed views decode to.
     buffers: Vec<Option<Vec<u8>>>,
     /// By the view's index.
     decompressed: HashMap<usize, Vec<u8>>,
@@ -30,16 +29,11 @@ impl Buffers {
                 }
                 Source::Bin => blob.take().filter(|_| buffer.index() == 0),
             };
-            match &bytes {
-                None if !is_fallback(&buffer) => {
-                    return Err(file.invalid(place, "it has no URI, and the file no binary chunk for it"));
-                }
-                Some(bytes) if bytes.len() < buffer.length() => {
-                    let problem = format!("it states {} bytes but has {}", buffer.length(), bytes.len());
-                    return Err(file.invalid(place, problem));
-                }
-                _ => buffers.push(bytes),
+            if let Some(bytes) = bytes.as_ref().filter(|bytes| bytes.len() < buffer.length()) {
+                let problem = format!("it states {} bytes but has {}", buffer.length(), bytes.len());
+                return Err(file.invalid(place, problem));
             }
+            buffers.push(bytes);
         }
         let mut all = Self { buffers, decompressed: HashMap::new() };
         all.decompress(file)?;
@@ -83,12 +77,4 @@ impl Buffers {
         let end = view.offset().checked_add(view.length())?;
         self.buffers.get(view.buffer().index())?.as_ref()?.get(view.offset()..end)
     }
-}
-
-/// Whether a buffer need not have data: every view into it is compressed, and the data is what they decompress to.
-fn is_fallback(buffer: &Buffer<'_>) -> bool {
-    meshopt::EXTENSIONS.iter().any(|name| {
-        let json = buffer.extension_value(name);
-        json.is_some_and(|json| json.get("fallback").and_then(Value::as_bool) == Some(true))
-    })
 }

@@ -226,3 +226,15 @@ fn targets_must_have_the_positions_length_and_be_finite() {
         assert!(error.contains(place), "{error}");
     }
 }
+
+#[test]
+fn normals_are_unit_at_any_scale() {
+    for scale in ["1e-11", "3e-20", "1", "1e11"] {
+        let nodes = format!(r#"{{"mesh": 0, "scale": [{scale}, {scale}, {scale}]}}"#);
+        let scene = Document::triangle().load(&one_mesh("", "", "").replacen(r#"{"mesh": 0}"#, &nodes, 1));
+        let pose = scene.rest();
+        for (_, normal) in scene.posed_vertices(&pose, 0, &scene.meshes[0].primitives[0]) {
+            assert!((normal.length() - 1.0).abs() < 1e-5, "{normal} at {scale}");
+        }
+    }
+}

@@ -90,6 +90,20 @@ fn every_attribute_may_be_sparse_over_data_or_over_zeros() {
     assert!(document.refused(&over("3")).contains("sparse: element 2 of 2"));
 }
 
+#[test]
+fn accessors_and_buffers_without_data_are_zeros_until_data_is_needed() {
+    let mut document = Document::triangle();
+    document.accessor(&format!(r#""componentType": {F32}, "count": 3, "type": "VEC2""#));
+    document.fallback = r#", {"byteLength": 9}"#.to_owned();
+    let scene = document.load(&one_mesh(r#", "TEXCOORD_0": 1"#, "", ""));
+    assert_eq!(scene.meshes[0].primitives[0].uvs[0], [Vec2::ZERO; 3]);
+    let view = document.raw_view(r#"{"buffer": 1, "byteLength": 9}"#);
+    document
+        .accessor(&format!(r#""bufferView": {view}, "componentType": {U8}, "count": 9, "type": "SCALAR""#));
+    let error = document.refused(&one_mesh("", r#", "indices": 2"#, ""));
+    assert!(error.contains("buffers[1]") && error.contains("no data"), "{error}");
+}
+
 /// A document of one triangle at places that `attributes` (accessors 1, 2, 3) says.
 fn instanced(attributes: &str) -> Result<Scene, SceneError> {
     let mut document = Document::triangle();

@@ -1,0 +1,301 @@
+//! The viewer without a window: a storm of resizes and settings, every buffer, shaders that break and heal.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use chiaro::{Kind, Pipeline, Pixels, Readback, Settings, wgpu};
+use chiaro_testkit::{TestGpu, device_of_its_own};
+use chiaro_viewer::{Canvas, Options, Viewer};
+use egui::{Event, Key, Modifiers};
+
+/// The sample size keeps a software rasteriser quick.
+const SIZE: [u32; 2] = [480, 130];
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Bgra8Unorm;
+/// Compiling on a busy machine; a viewer that has not settled by then never will.
+const PATIENCE: Duration = Duration::from_mins(2);
+
+/// A viewer, its canvas and its clock.
+struct Driver {
+    viewer: Viewer,
+    gpu: TestGpu,
+    size: [u32; 2],
+    time_s: f64,
+    pipelines_before: u64,
+}
+
+impl Driver {
+    fn new(options: Options) -> Self {
+        let gpu = device_of_its_own();
+        let pipelines_before = gpu.created.pipelines_here();
+        let viewer = Viewer::new(&gpu, FORMAT, options);
+        Self { viewer, gpu, size: SIZE, time_s: 0.0, pipelines_before }
+    }
+
+    fn cornell() -> Self {
+        let mut driver = Self::new(Options { scene: "builtin:cornell".into(), ..Options::default() });
+        driver.settle();
+        driver
+    }
+
+    /// One frame with these events, and the check that it found nothing to complain about.
+    fn frame(&mut self, events: Vec<Event>) {
+        self.time_s += 1.0 / 60.0;
+        let [width, height] = self.size;
+        let mut input = egui::RawInput {
+            screen_rect: Some(egui::Rect::from_min_size(
+                egui::Pos2::ZERO,
+                egui::vec2(width as f32, height as f32),
+            )),
+            time: Some(self.time_s),
+            focused: true,
+            events,
+            ..Default::default()
+        };
+        input.viewports.entry(egui::ViewportId::ROOT).or_default().native_pixels_per_point = Some(1.0);
+        let outcome = if width == 0 || height == 0 {
+            self.viewer.frame(input, None)
+        } else {
+            let texture = self.gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("canvas"),
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: FORMAT,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+                view_formats: &[],
+            });
+            let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+            self.viewer.frame(input, Some(Canvas { view: &view, size_px: self.size }))
+        };
+        assert_eq!(outcome.lost, None);
+        let complaints: Vec<_> =
+            self.viewer.messages().filter(|text| text.contains("the GPU reported")).collect();
+        assert!(complaints.is_empty(), "{complaints:?}");
+        assert_eq!(
+            self.gpu.created.pipelines_here(),
+            self.pipelines_before,
+            "a pipeline was built on the frame's own thread"
+        );
+    }
+
+    fn press(&mut self, key: Key) {
+        for pressed in [true, false] {
+            let event =
+                Event::Key { key, physical_key: None, pressed, repeat: false, modifiers: Modifiers::NONE };
+            self.frame(vec![event]);
+        }
+    }
+
+    /// Frames until nothing is being compiled or loaded.
+    fn settle(&mut self) {
+        self.until("settled", Viewer::is_settled);
+    }
+
+    fn until(&mut self, what: &str, done: impl Fn(&Viewer) -> bool) {
+        let start = Instant::now();
+        loop {
+            self.frame(Vec::new());
+            if done(&self.viewer) {
+                return;
+            }
+            let messages: Vec<_> = self.viewer.messages().collect();
+            assert!(start.elapsed() < PATIENCE, "never {what}: {messages:?}");
+            if !self.viewer.is_settled() {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+    }
+
+    /// The picture that has come to rest.
+    fn picture(&mut self) -> Pixels {
+        self.until("at rest", |viewer| viewer.frames() >= 64);
+        let texture = self.viewer.picture().expect("a scene is on show");
+        Readback::start(&self.gpu, texture).unwrap().wait(&self.gpu).unwrap()
+    }
+}
+
+fn mean(pixels: &Pixels) -> f64 {
+    let colours = pixels.bytes.chunks_exact(4).map(|p| f64::from(p[0]) + f64::from(p[1]) + f64::from(p[2]));
+    colours.sum::<f64>() / (3.0 * f64::from(pixels.width * pixels.height))
+}
+
+/// Numbers that are the same every time (Steele, Lea & Flood 2014, SplitMix64).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: u32) -> u32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) % u64::from(end)) as u32
+    }
+
+    fn share(&mut self) -> f64 {
+        f64::from(self.below(1 << 20)) / f64::from(1 << 20)
+    }
+
+    /// A value that a setting of this kind takes.
+    fn value(&mut self, key: &str, kind: &Kind) -> String {
+        match kind {
+            Kind::Switch => (self.below(2) == 1).to_string(),
+            Kind::Choice(names) => names[self.below(names.len() as u32) as usize].0.to_owned(),
+            Kind::Whole(low, high) => {
+                // Large maps take a software rasteriser seconds, and show nothing that smaller ones do not.
+                let high = if key.ends_with("resolution") { (*high).min(512) } else { *high };
+                let low_f = f64::from((*low).max(1));
+                let value = low_f * (f64::from(high) / low_f).powf(self.share());
+                (value.round() as u32).clamp(*low, high).to_string()
+            }
+            Kind::Number(low, high) => (low + (high - low) * self.share() as f32).to_string(),
+            Kind::WordOrNumber(word, low, high) => {
+                if self.below(2) == 0 {
+                    (*word).to_owned()
+                } else {
+                    (low + (high - low) * self.share() as f32).to_string()
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn resizes_and_settings_at_random_leave_no_trace() {
+    let mut driver = Driver::cornell();
+    let before = driver.picture();
+    assert!(mean(&before) > 20.0, "the picture is black: {}", mean(&before));
+
+    let mut random = Random(7);
+    for number in 0..50 {
+        driver.size = match number {
+            0 => [1, 1],
+            1 => [0, 0],
+            2 => [0, 200],
+            3 => [1, 300],
+            4 => [900, 1],
+            _ => [random.below(500), random.below(200)],
+        };
+        driver.frame(Vec::new());
+    }
+    driver.size = SIZE;
+
+    let fields = Settings::fields();
+    let mut refused = 0;
+    for number in 0..200 {
+        let mut settings = driver.viewer.settings().clone();
+        let field = &fields[random.below(fields.len() as u32) as usize];
+        let value = random.value(&field.key, &field.kind);
+        settings.set(&field.key, &value).unwrap_or_else(|e| panic!("{} = {value}: {e}", field.key));
+        if random.below(8) == 0 {
+            settings.pipeline =
+                if settings.pipeline == Pipeline::Forward { Pipeline::Deferred } else { Pipeline::Forward };
+        }
+        driver.viewer.set(settings);
+        driver.frame(Vec::new());
+        refused += u32::from(driver.viewer.settings_error().is_some());
+        if number % 25 == 0 {
+            driver.settle();
+        }
+    }
+    driver.settle();
+    assert!(refused > 0, "no illegal combination was tried: the storm is too tame");
+
+    driver.viewer.set(Settings::default());
+    driver.settle();
+    let after = driver.picture();
+    assert!(before == after, "the picture is another after the storm");
+}
+
+#[test]
+fn every_buffer_can_be_looked_at() {
+    let mut driver = Driver::cornell();
+    driver.press(Key::P);
+    driver.press(Key::P);
+    for name in Viewer::buffers() {
+        driver.frame(Vec::new());
+        match driver.viewer.buffer() {
+            // Nothing glows in this scene.
+            None => assert_eq!(name, "emissive"),
+            Some(texture) => {
+                let pixels = Readback::start(&driver.gpu, texture).unwrap().wait(&driver.gpu).unwrap();
+                assert!(mean(&pixels) > 2.0, "{name} is black");
+            }
+        }
+        driver.press(Key::CloseBracket);
+    }
+    driver.press(Key::P);
+    driver.frame(Vec::new());
+    assert!(driver.viewer.buffer().is_none());
+}
+
+#[test]
+fn keys_fly_and_choose_light() {
+    let mut driver = Driver::cornell();
+    let still = driver.picture();
+    driver.press(Key::I);
+    let direct = driver.picture();
+    driver.press(Key::U);
+    let indirect = driver.picture();
+    driver.press(Key::O);
+    assert!(driver.picture() == still, "both together are not what was there before");
+    assert!(direct != still && indirect != still && direct != indirect);
+
+    driver.press(Key::W);
+    assert!(driver.picture() != still, "W does not fly");
+}
+
+#[test]
+fn a_scene_that_cannot_be_read_is_told_and_the_old_one_stays() {
+    let mut driver = Driver::cornell();
+    driver.viewer.open("no/such/room.glb");
+    driver.settle();
+    let messages: Vec<_> = driver.viewer.messages().collect();
+    assert!(messages.iter().any(|text| text.contains("room.glb")), "{messages:?}");
+    assert!(mean(&driver.picture()) > 20.0);
+}
+
+/// A copy of the shaders that a test may change.
+fn copied_shaders(name: &str) -> PathBuf {
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../techniques/src");
+    let folder = std::env::temp_dir().join(format!("chiaro-{name}-{}", std::process::id()));
+    for (path, text) in chiaro::techniques::shaders::MODULES {
+        let to = folder.join(path);
+        std::fs::create_dir_all(to.parent().unwrap()).unwrap();
+        // What is compiled in is what lies there: else the folder is not where it is thought to be.
+        assert_eq!(std::fs::read_to_string(sources.join(path)).unwrap(), *text);
+        std::fs::write(to, text).unwrap();
+    }
+    folder
+}
+
+#[test]
+fn a_broken_shader_is_told_with_its_place_and_a_healed_one_is_used() {
+    let folder = copied_shaders("reload");
+    let options =
+        Options { scene: "builtin:cornell".into(), shaders: Some(folder.clone()), ..Options::default() };
+    let mut driver = Driver::new(options);
+    driver.settle();
+    let before = driver.picture();
+
+    let file = folder.join("post/tone_map.cs.wesl");
+    let good = std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, good.replace("let value = textureLoad", "let value = texturLoad")).unwrap();
+    driver.until("told of the error", |viewer| viewer.shader_error().is_some());
+    let error = driver.viewer.shader_error().unwrap().to_owned();
+    let line = 1 + good.lines().position(|line| line.contains("let value = textureLoad")).unwrap();
+    assert!(
+        error.contains(&format!("post/tone_map.cs.wesl:{line}: ")) && error.contains("texturLoad"),
+        "{error}"
+    );
+    assert!(driver.picture() == before, "the last good shader is not in use");
+
+    let inverted = good.replace("vec4f(floor(code) / 255.0, 1.0)", "vec4f(1.0 - floor(code) / 255.0, 1.0)");
+    assert_ne!(inverted, good);
+    std::fs::write(&file, inverted).unwrap();
+    driver.until("healed", |viewer| viewer.shader_error().is_none() && viewer.is_settled());
+    let after = driver.picture();
+    let sum = mean(&before) + mean(&after);
+    assert!((sum - 255.0).abs() < 2.0, "the changed shader is not in use: {sum}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
