@@ -100,15 +100,13 @@ impl Library {
     /// `path:line` of the line that became this one of the linked text; linking moves lines and renames what is imported,
     /// so they are compared without names' modules and spaces, the entry file's first.
     fn place_of(&self, linked: &str, entry: &str) -> Option<String> {
+        let is_end = |c: char| !c.is_alphanumeric() && c != '_';
         let bare = |line: &str| -> String {
-            let words = line.split_inclusive(|c: char| !c.is_alphanumeric() && c != '_');
-            words
-                .map(|word| {
-                    let (name, end) = word
-                        .split_at(word.trim_end_matches(|c: char| !c.is_alphanumeric() && c != '_').len());
-                    format!("{}{}", unmangled(name), end.trim())
-                })
-                .collect()
+            let words = line.split_inclusive(is_end);
+            words.fold(String::new(), |text, word| {
+                let (name, end) = word.split_at(word.trim_end_matches(is_end).len());
+                text + unmangled(name) + end.trim()
+            })
         };
         let wanted = bare(linked);
         let find = |(path, text): &(&'static str, Cow<'static, str>)| {
