@@ -152,7 +152,7 @@ impl Missing {
 }
 
 fn permutations(settings: &Settings, facts: SceneFacts) -> Permutations {
-    Permutations::new(&settings.shadow, settings.surface.msaa, facts)
+    Permutations::new(&settings.shadow, settings.surface.msaa.samples(), facts)
 }
 
 /// What a [`Plan`] became.

@@ -321,14 +321,7 @@ fn sky_view(known: &mut Option<(u64, Vec3, SkyView)>, scene: &LoadedScene, eye_w
 }
 
 fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {
-    let msaa = settings.surface.msaa;
-    if ![1, 2, 4, 8].contains(&msaa) {
-        return Err(Error::SettingValue {
-            key: "surface.msaa".into(),
-            value: msaa.to_string(),
-            expected: "1, 2, 4 or 8".into(),
-        });
-    }
+    let msaa = settings.surface.msaa.samples();
     if settings.pipeline == Pipeline::Forward && ![1, 4].contains(&msaa) {
         return Err(Error::Combination(format!(
             "surface.msaa = {msaa}: the forward pipeline takes 1 or 4, which every adapter has"

@@ -23,7 +23,7 @@ mod settings;
 pub mod texture;
 
 pub use scene::{SceneFacts, SceneGpu};
-pub use settings::{Lighting, SurfaceSettings};
+pub use settings::{Lighting, Msaa, SurfaceSettings};
 
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};

@@ -14,6 +14,32 @@ choice! {
     }
 }
 
+choice! {
+    /// Samples per pixel.
+    pub enum Msaa {
+        /// No multisampling.
+        One = "1",
+        /// Where the adapter has it.
+        Two = "2",
+        /// On every adapter.
+        Four = "4",
+        /// Where the adapter has it.
+        Eight = "8",
+    }
+}
+
+impl Msaa {
+    /// How many.
+    pub fn samples(self) -> u32 {
+        match self {
+            Self::One => 1,
+            Self::Two => 2,
+            Self::Four => 4,
+            Self::Eight => 8,
+        }
+    }
+}
+
 settings! {
     /// Surfaces.
     pub struct SurfaceSettings: "surface" {
@@ -21,7 +47,7 @@ settings! {
         lighting: Lighting = Lighting::Pbr, "", (), Uniform;
         /// Samples per pixel of the forward pipeline. More smooths edges and costs memory and bandwidth;
         /// WebGPU guarantees 1 and 4.
-        msaa: u32 = 4, "samples", 1..=8, Permutation;
+        msaa: Msaa = Msaa::Four, "samples", (), Permutation;
         /// See-through surfaces one behind the other that a pixel can show; the nearest count. More shows deeper stacks
         /// of glass, and each costs 8 bytes a pixel and about six passes.
         layers: u32 = 4, "layers", 1..=8, Resources;
