@@ -7,9 +7,10 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use super::super::limits::{Budget, Limits};
 use super::super::warnings::Warnings;
+use super::invalid_group;
 use super::material::Materials;
 use super::parse::{Corner, Face, NONE, Parsed};
-use super::{invalid_group, polygon};
+use super::polygon::Triangulator;
 use crate::mesh::Smoothing;
 use crate::{Id, Mesh, Primitive, SceneError, mesh};
 
@@ -26,6 +27,7 @@ pub(super) fn meshes(
     warnings: &mut Warnings,
 ) -> Result<Vec<Mesh>, SceneError> {
     let mut budget = Budget::new(limits);
+    let mut triangulator = Triangulator::default();
     let mut meshes = Vec::new();
     for faces in parsed.faces.chunk_by(|a, b| a.group == b.group) {
         let name = faces.first().map_or("", |face| &parsed.groups[face.group]);
@@ -37,7 +39,7 @@ pub(super) fn meshes(
                 parts.push(Part::new(material));
                 parts.len() - 1
             });
-            parts[part].add(parsed, face);
+            parts[part].add(parsed, face, &mut triangulator);
         }
         let (mut primitives, smoothing): (Vec<Primitive>, Vec<Vec<Smoothing>>) =
             parts.into_iter().map(|part| (part.primitive, part.smoothing)).unzip();
@@ -47,6 +49,9 @@ pub(super) fn meshes(
         }
         complete(&mut primitives, &smoothing, materials, name, warnings);
         meshes.push(Mesh { name: name.to_owned(), primitives, ..Mesh::default() });
+    }
+    if triangulator.is_exhausted() {
+        warnings.add("it has so many large concave polygons that some were cut as if they were convex");
     }
     Ok(meshes)
 }
@@ -65,10 +70,10 @@ impl Part {
         Self { primitive, smoothing: Vec::new(), vertices: HashMap::new() }
     }
 
-    fn add(&mut self, parsed: &Parsed, face: &Face) {
+    fn add(&mut self, parsed: &Parsed, face: &Face, triangulator: &mut Triangulator) {
         let corners = &parsed.corners[face.corners.clone()];
         let points: Vec<DVec3> = corners.iter().map(|c| parsed.positions[c[0] as usize].as_dvec3()).collect();
-        for triangle in polygon::triangulate(&points) {
+        for triangle in triangulator.triangulate(&points) {
             for corner in triangle.map(|i| corners[i]) {
                 let index = self.vertex(parsed, corner);
                 self.primitive.indices.push(index);

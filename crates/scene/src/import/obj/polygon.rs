@@ -2,30 +2,59 @@
 
 use glam::{DVec2, DVec3};
 
-/// Corners of the largest polygon that is checked for concavity; the clipping of ears is quadratic and worse.
-const MAX_CORNERS: usize = 256;
+/// Corners that a file's concave polygons may be tested against each other, a second or two of work: clipping ears is
+/// quadratic in a polygon's corners, and cubic for one made on purpose.
+const MAX_TESTS: u64 = 1 << 29;
 
-/// Cuts a polygon of n ≥ 3 corners into n − 2 triangles with its own orientation: a fan from the first corner where
-/// that is right, else by clipping ears (Meisters 1975).
-pub(super) fn triangulate(corners: &[DVec3]) -> Vec<[usize; 3]> {
-    let fan = || (1..corners.len() - 1).map(|i| [0, i, i + 1]).collect();
-    if corners.len() == 3 || corners.len() > MAX_CORNERS {
-        return fan();
+/// Cuts a file's polygons into triangles.
+pub(super) struct Triangulator {
+    tests_left: u64,
+}
+
+impl Default for Triangulator {
+    fn default() -> Self {
+        Self { tests_left: MAX_TESTS }
     }
-    let points = project(corners);
-    if (1..points.len() - 1).all(|i| area(points[0], points[i], points[i + 1]) >= 0.0) {
-        return fan();
+}
+
+impl Triangulator {
+    /// Cuts a polygon of n ≥ 3 corners into n − 2 triangles with its own orientation: a fan from the first corner where
+    /// that is right, else by clipping ears (Meisters 1975).
+    pub fn triangulate(&mut self, corners: &[DVec3]) -> Vec<[usize; 3]> {
+        let fan = || (1..corners.len() - 1).map(|i| [0, i, i + 1]).collect();
+        if corners.len() == 3 || self.is_exhausted() {
+            return fan();
+        }
+        let points = project(corners);
+        if (1..points.len() - 1).all(|i| area(points[0], points[i], points[i + 1]) >= 0.0) {
+            return fan();
+        }
+        clip_ears(&points, &mut self.tests_left).unwrap_or_else(fan)
     }
+
+    /// Whether there were too many large concave polygons, of which the last ones became fans.
+    pub fn is_exhausted(&self) -> bool {
+        self.tests_left == 0
+    }
+}
+
+/// Triangles of a counter-clockwise polygon; none when the tests are used up.
+fn clip_ears(points: &[DVec2], tests_left: &mut u64) -> Option<Vec<[usize; 3]>> {
     let mut left: Vec<usize> = (0..points.len()).collect();
     let mut triangles = Vec::with_capacity(points.len() - 2);
     while left.len() > 3 {
         let n = left.len();
+        if *tests_left == 0 {
+            return None;
+        }
         let ear = (0..n).find(|&i| {
+            *tests_left = tests_left.saturating_sub(n as u64);
             let [a, b, c] = [left[(i + n - 1) % n], left[i], left[(i + 1) % n]];
             let is_inside = |&p: &usize| {
                 ![a, b, c].contains(&p) && contains([points[a], points[b], points[c]], points[p])
             };
-            area(points[a], points[b], points[c]) > 0.0 && !left.iter().any(is_inside)
+            let is_ear = area(points[a], points[b], points[c]) > 0.0 && !left.iter().any(is_inside);
+            is_ear || *tests_left == 0
         });
         // Without an ear the polygon crosses itself or has no area: any triangle will do.
         let i = ear.unwrap_or(0);
@@ -33,7 +62,7 @@ pub(super) fn triangulate(corners: &[DVec3]) -> Vec<[usize; 3]> {
         left.remove(i);
     }
     triangles.push([left[0], left[1], left[2]]);
-    triangles
+    Some(triangles)
 }
 
 /// The polygon in the coordinate plane that it faces most, counter-clockwise.
@@ -66,13 +95,13 @@ mod tests {
 
     fn areas(corners: &[DVec3]) -> Vec<f64> {
         let normal = |t: [usize; 3]| (corners[t[1]] - corners[t[0]]).cross(corners[t[2]] - corners[t[0]]);
-        triangulate(corners).into_iter().map(|t| normal(t).z / 2.0).collect()
+        Triangulator::default().triangulate(corners).into_iter().map(|t| normal(t).z / 2.0).collect()
     }
 
     #[test]
     fn a_convex_polygon_becomes_a_fan() {
         let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
-        assert_eq!(triangulate(&square), [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(Triangulator::default().triangulate(&square), [[0, 1, 2], [0, 2, 3]]);
     }
 
     #[test]
@@ -90,7 +119,24 @@ mod tests {
     }
 
     #[test]
+    fn polygons_made_to_take_forever_become_fans() {
+        let comb = |n: usize| -> Vec<DVec3> {
+            (0..n)
+                .map(|i| DVec3::new(i as f64, if i % 2 == 0 { 0.0 } else { -1.0 - i as f64 }, 0.0))
+                .collect()
+        };
+        let mut few = Triangulator { tests_left: 1000 };
+        let corners = comb(400);
+        assert_eq!(few.triangulate(&corners).len(), 398);
+        assert!(few.is_exhausted());
+        assert_eq!(few.triangulate(&corners)[..2], [[0, 1, 2], [0, 2, 3]]);
+        let mut enough = Triangulator::default();
+        assert_eq!(enough.triangulate(&corners).len(), 398);
+        assert!(!enough.is_exhausted());
+    }
+
+    #[test]
     fn a_polygon_without_area_still_becomes_triangles() {
-        assert_eq!(triangulate(&[DVec3::ONE; 6]).len(), 4);
+        assert_eq!(Triangulator::default().triangulate(&[DVec3::ONE; 6]).len(), 4);
     }
 }
