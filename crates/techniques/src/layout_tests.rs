@@ -7,7 +7,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
 use crate::shaders;
-use crate::shared::frame::{FrameData, LightData, ShadowViewData};
+use crate::shared::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::surface::clusters::ClusterData;
 use crate::surface::culling::{CullClasses, CullView};
 use crate::surface::material::MaterialData;
@@ -57,6 +57,20 @@ fn rust_structs_equal_their_wesl_twins() {
         environment_turn,
         show_direct,
         show_indirect,
+        shadow,
+    );
+    same!(
+        shade,
+        ShadowParameters,
+        "ShadowParameters",
+        floor,
+        blend,
+        filter_radius,
+        light_size,
+        bleed_reduction,
+        positive_exponent,
+        negative_exponent,
+        anisotropy,
     );
     same!(
         shade,
@@ -80,7 +94,7 @@ fn rust_structs_equal_their_wesl_twins() {
         clip_from_ws,
         rect,
         layer,
-        perspective,
+        projection,
         texel_m,
         normal_offset,
         constant_bias,
@@ -89,6 +103,10 @@ fn rust_structs_equal_their_wesl_twins() {
         far_m,
         eye_ws,
         resolution,
+        begin_m,
+        end_m,
+        border,
+        reserved,
     );
     let resolve = &linked("surface/resolve.cs.wesl");
     same!(

@@ -31,6 +31,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("post/tone_map.cs.wesl"),
     shader!("shadow/depth.vs.wesl"),
     shader!("shadow/lookup.wesl"),
+    shader!("shadow/projection.wesl"),
     shader!("shared/albedo_table.cs.wesl"),
     shader!("shared/brdf.wesl"),
     shader!("shared/color.wesl"),
