@@ -15,10 +15,11 @@
 //! Cost: 4 bytes a texel, and one raster of the culled casters whenever light, camera (suns) or scene changed: a map that
 //! rests is kept (`shadow.cache`).
 
+pub mod moments;
 mod settings;
 mod views;
 
-pub use settings::{Filter, Layout, PcfKernel, ShadowSettings};
+pub use settings::{Filter, Layout, PcfKernel, Representation, ShadowSettings, Sigma};
 pub use views::{CameraView, ShadowView, fit};
 
 use bytemuck::{Pod, Zeroable};
