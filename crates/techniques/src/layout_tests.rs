@@ -8,6 +8,8 @@ use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
 use crate::shaders;
 use crate::shadow::moments::Blur;
+use crate::shadow::cascades::SunFit;
+use crate::shadow::DrawView;
 use crate::shared::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::surface::clusters::ClusterData;
 use crate::surface::culling::{CullClasses, CullView};
@@ -204,4 +206,24 @@ fn a_struct_that_differs_is_found() {
     let wrong = [("position_ws", 0), ("kind", 16)];
     let message = check_layout(shade, "Light", &wrong, 32).unwrap_err();
     assert!(message.contains("intensity"), "{message}");
+    let fit = &linked("shadow/fit.cs.wesl");
+    same!(
+        fit,
+        SunFit,
+        "SunFit",
+        light_from_ws,
+        origins_ws,
+        steps_ws,
+        scene_ls,
+        begin_m,
+        end_m,
+        lambda,
+        least_near_m,
+        first_view,
+        count,
+        casters_near_m,
+        clamps_depth,
+    );
+    same!(fit, DrawView, "DrawView", clip_from_ws, near_m, share, resolution, reserved, padding);
+    same!(fit, CullView, "CullView", planes, eye_ws, flags);
 }

@@ -165,7 +165,7 @@ settings! {
         /// shadow.point_layout says.
         layout: Layout = Layout::Cascaded, "", (), Resources;
         /// Maps of point lights.
-        point_layout: PointLayout = PointLayout::Cube, "", (), Resources;
+        point_layout: PointLayout = PointLayout::Cube, "", (), Permutation;
         /// What maps hold: depth, or moments of depth that can be blurred and mipmapped.
         representation: Representation = Representation::Depth, "", (), Permutation;
         /// How a map is filtered. Depth takes none, pcf and pcss; all others none, gaussian, mip and gaussian-mip.
@@ -178,7 +178,7 @@ settings! {
         /// Where cascades part: 0 evenly along the view, 1 by equal ratios of distance (Zhang et al. 2006, eq. 5).
         split_lambda: f32 = 0.75, "", 0.0..=1.0, Uniform;
         /// What cascades are fitted to: the camera's view, or what is in the picture.
-        fit: Fit = Fit::Frustum, "", (), Resources;
+        fit: Fit = Fit::Frustum, "", (), Permutation;
         /// Share of a cascade over which it fades into the next.
         blend: f32 = 0.1, "of a cascade", 0.0..=1.0, Uniform;
         /// Which cascade a point is looked up in.

@@ -108,7 +108,7 @@ impl Transparency {
         let behind = |whole| ComputePipeline::new(gpu, library, &shaders::behind(whole), &[], &[]);
         let constants = permutations.constants();
         let shade =
-            |glows| ComputePipeline::new(gpu, library, &shaders::shade_layer(glows), shared, &constants);
+            |glows| ComputePipeline::new(gpu, library, &shaders::shade_layer(glows, false), shared, &constants);
         Ok(Self {
             peel: [peels(Layer::First)?, peels(Layer::Next)?],
             resolve: [resolve(false)?, resolve(true)?],
