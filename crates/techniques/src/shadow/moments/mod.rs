@@ -60,15 +60,18 @@ pub struct MomentOutputs {
     pub filtered: Texture,
     /// Blends texels and mips.
     pub sampler: wgpu::Sampler,
+    /// How far a texel's filter reaches.
+    pub filter: Buffer,
 }
 
 impl MomentOutputs {
     /// The handles of `lookup.wesl`.
-    pub fn binds(&self) -> [Bind<'_>; 3] {
+    pub fn binds(&self) -> [Bind<'_>; 4] {
         [
             ("shadow_moments", (&self.moments).into()),
             ("shadow_moments_filtered", (&self.filtered).into()),
             ("moment_sampler", (&self.sampler).into()),
+            ("moment_filter", (&self.filter).into()),
         ]
     }
 }
@@ -175,7 +178,10 @@ impl Moments {
             ..Default::default()
         });
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-        let outputs = MomentOutputs { moments: stand_in.clone(), filtered: stand_in.clone(), sampler };
+        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let filter = Buffer::new(gpu, "moment_filter", Life::Kept, 16, uniform);
+        let (moments, filtered) = (stand_in.clone(), stand_in.clone());
+        let outputs = MomentOutputs { moments, filtered, sampler, filter };
         Ok(Self {
             key,
             making,
@@ -194,15 +200,10 @@ impl Moments {
         self.key == Key::new(settings, float_maps)
     }
 
-    /// Overrides of `lookup.wesl`.
-    pub fn constants(gpu: &Gpu, settings: &ShadowSettings) -> [(&'static str, f64); 4] {
-        let key = Key::new(settings, false);
-        [
-            ("REPRESENTATION", f64::from(key.representation as u32)),
-            ("MOMENT_MIPS", key.mips.into()),
-            ("MOMENT_BLUR", key.blurs.into()),
-            ("FILTERED", gpu.optional.float32_filterable.into()),
-        ]
+    /// Overrides of `lookup.wesl`, beside MOMENT_MIPS of the shadow maps' lookup.
+    pub fn constants(gpu: &Gpu, settings: &ShadowSettings) -> [(&'static str, f64); 2] {
+        let filtered = gpu.optional.float32_filterable;
+        [("REPRESENTATION", f64::from(settings.representation as u32)), ("FILTERED", filtered.into())]
     }
 
     /// Bytes that maps of `resolution`² texels take for so many views, beside the depth.
@@ -270,6 +271,7 @@ impl Moments {
         }
         self.made = Some(content);
         frame.upload(&self.blur, &[content.blur]);
+        frame.upload(&self.outputs.filter, &[[content.blur.deviation(), 0.0, 0.0, 0.0]]);
         let at_once = self.scratch.as_ref().and_then(|scratch| scratch.options().layers).unwrap_or(layers);
         let first_batch = layers.next_multiple_of(LIST_WORDS);
         let stride = at_once.next_multiple_of(LIST_WORDS);

@@ -29,6 +29,14 @@ impl Blur {
         let prefilter = settings.representation == Representation::Exponential && settings.prefilter;
         Self { radius, prefilter: prefilter.into(), weights, ..Self::zeroed() }
     }
+
+    /// Standard deviation of what a texel averages, texels.
+    pub(crate) fn deviation(&self) -> f32 {
+        let squares = (0u16..).zip(self.weights).map(|(k, weight)| 2.0 * f32::from(k).powi(2) * weight);
+        // Quarters of both neighbours and half of the middle.
+        let prefilter = if self.prefilter == 0 { 0.0 } else { 0.5 };
+        (squares.sum::<f32>() + prefilter).sqrt()
+    }
 }
 
 /// The weights from the middle outwards; all `2 · radius + 1` together are 1. Binomial ones are row `2 · radius` of
@@ -95,6 +103,8 @@ mod tests {
         let mut settings = ShadowSettings { filter_radius: 2.1, ..ShadowSettings::default() };
         assert_eq!(Blur::new(&settings).radius, 0);
         settings.filter = crate::shadow::Filter::Gaussian;
-        assert_eq!(Blur::new(&settings).radius, 3);
+        let blur = Blur::new(&settings);
+        assert_eq!(blur.radius, 3);
+        assert!((blur.deviation() - 1.5f32.sqrt()).abs() < 1e-6);
     }
 }
