@@ -7,6 +7,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
 use crate::shaders;
+use crate::shadow::moments::Blur;
 use crate::shadow::cascades::SunFit;
 use crate::shadow::DrawView;
 use crate::shared::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
@@ -185,6 +186,16 @@ fn rust_structs_equal_their_wesl_twins() {
         target_count,
         first_weight,
         morph_stride,
+    );
+    same!(
+        &linked("shadow/moments/rows.cs.wesl"),
+        Blur,
+        "Blur",
+        radius,
+        prefilter,
+        reserved0,
+        reserved1,
+        weights
     );
     same!(&linked("surface/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride);
 }

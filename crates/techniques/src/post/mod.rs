@@ -249,7 +249,7 @@ impl AovPass {
         count: usize,
     ) -> Result<Self, GpuError> {
         let entry = shaders::aov(false);
-        let constants = permutations.constants();
+        let constants = permutations.constants(gpu);
         let pipeline = ComputePipeline::new(gpu, library, &entry, &[frame_layout], &constants)?;
         Ok(Self { pipeline, inputs: (0..count).map(|_| uniform::<[u32; 4]>(gpu, "aov_input")).collect() })
     }
@@ -265,7 +265,7 @@ impl AovPass {
     ) {
         let input = &self.inputs[index];
         frame.upload(input, &[[aov as u32, sum.frames, 0, 0]]);
-        let mut binds: Vec<Bind<'_>> = lighting_binds(shadows, light_grid).to_vec();
+        let mut binds: Vec<Bind<'_>> = lighting_binds(shadows, light_grid);
         binds.extend(surface_binds(surface));
         binds.push(("aov_input", input.into()));
         binds.push(("sum_before", sum.before().into()));

@@ -12,6 +12,7 @@ mod references;
 mod robust;
 mod shadow_cascades;
 mod shadow_table;
+mod shadow_moments;
 mod shadows;
 mod surface;
 mod textures;
