@@ -3,6 +3,7 @@
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::{Frame, Gpu, GroupLayout, TexturePool, wgpu};
 use chiaro_scene::Scene;
+use chiaro_techniques::caustics;
 use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
 use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
 use chiaro_techniques::motion::Motion;
@@ -341,6 +342,13 @@ fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {
     }
     if let Some(reason) = settings.shadow.refused() {
         return Err(Error::Combination(reason));
+    }
+    if settings.shadow.transmission_tint && settings.caustics.technique != caustics::Technique::None {
+        return Err(Error::Combination(
+            "shadow.transmission_tint does not go with caustics: both would bring the light that glass lets through; \
+             take shadow.transmission_tint = false or caustics.technique = none"
+                .into(),
+        ));
     }
     let side = settings.shadow.resolution;
     if side > gpu.limits.max_texture_dimension_2d {

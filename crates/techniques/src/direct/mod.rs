@@ -232,6 +232,7 @@ impl DirectLight {
         let single = self.permutations.msaa == 1;
         let attachment = Attachment {
             texture: if single { &targets.radiance } else { color },
+            layer: 0,
             clear: Some(sky.unwrap_or(wgpu::Color::TRANSPARENT)),
             resolve: (!single).then_some(&targets.radiance),
         };

@@ -12,7 +12,8 @@
 //! | scene geometry | maps | Depth32Float array, a layer a view | reversed light-clip z; of a paraboloid near / distance |
 //! | maps | moments | R, RG or RGBA32Float array | linear depth 0..1 and functions of it |
 //!
-//! Limits: see-through surfaces cast full shadows, blended ones where their alpha is at least a half.
+//! Limits: see-through surfaces cast full shadows, blended ones where their alpha is at least a half, unless
+//! `shadow.transmission_tint` lets light through them in their colour.
 //! Cost: 4 bytes a texel (and 4 a channel of moments), and one raster of the culled casters whenever light, camera (suns)
 //! or scene changed: a map that rests is kept (`shadow.cache`).
 
@@ -24,12 +25,14 @@ mod settings;
 mod single;
 #[cfg(test)]
 mod tests;
+mod tint;
 mod views;
 
 pub use record::{DrawView, ShadowMaps, ShadowOutputs};
 pub use settings::{
     CascadeSelect, Filter, Fit, Layout, PcfKernel, PointLayout, Representation, ShadowSettings, Sigma,
 };
+pub use tint::TintMaps;
 pub use views::{CameraView, FitInputs, ShadowView, ShadowViews, fit};
 
 use chiaro_gpu::Gpu;
@@ -44,6 +47,7 @@ pub struct Lookup {
     kernel: PcfKernel,
     receiver_plane: bool,
     select: CascadeSelect,
+    tint: bool,
 }
 
 impl Lookup {
@@ -55,6 +59,7 @@ impl Lookup {
             kernel: settings.pcf_kernel,
             receiver_plane: settings.bias_receiver_plane,
             select: settings.cascade_select,
+            tint: settings.transmission_tint,
         }
     }
 
@@ -73,6 +78,7 @@ impl Lookup {
             ("PCF_KERNEL", f64::from(self.kernel.texels().max(2))),
             ("RECEIVER_PLANE", f64::from(self.receiver_plane)),
             ("SELECT_BY_DEPTH", f64::from(self.select == CascadeSelect::Depth)),
+            ("TINT", f64::from(self.tint)),
             ("MOMENTS", f64::from(moments)),
             ("MOMENT_MIPS", f64::from(moments && self.filter.mips())),
         ];

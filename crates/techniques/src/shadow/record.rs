@@ -11,12 +11,13 @@ use glam::Vec4Swizzles;
 
 use super::cascades::Fitter;
 use super::moments::{MomentOutputs, Moments};
+use super::tint::{Tint, TintMaps};
 use super::views::{ShadowView, ShadowViews};
 use super::{Fit, PointLayout, ShadowSettings};
 use crate::shaders;
 use crate::shared::frame::ShadowViewData;
 use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, draw_classes};
-use crate::surface::scene::KINDS;
+use crate::surface::scene::{KINDS, OPAQUE};
 use crate::surface::{SceneFacts, SceneGpu};
 
 /// What [`ShadowMaps::record`] writes.
@@ -30,12 +31,15 @@ pub struct ShadowOutputs {
     pub gather: wgpu::Sampler,
     /// What was made of the maps.
     pub moments: MomentOutputs,
+    /// See-through casters, with `shadow.transmission_tint`.
+    pub tint: TintMaps,
 }
 
 impl ShadowOutputs {
     /// What `shadow/lookup.wesl` binds.
     pub fn binds(&self) -> Vec<Bind<'_>> {
         let mut binds = self.moments.binds().to_vec();
+        binds.extend(self.tint.binds());
         binds.extend([
             ("shadow_maps", (&self.maps).into()),
             ("shadow_compare", (&self.compare).into()),
@@ -81,6 +85,7 @@ pub struct ShadowMaps {
     pipelines: [RenderPipeline; KINDS],
     paraboloid: Option<[RenderPipeline; KINDS]>,
     fitter: Option<Fitter>,
+    tint: Option<Tint>,
     moments: Moments,
     outputs: ShadowOutputs,
     draw_views: Buffer,
@@ -144,7 +149,9 @@ impl ShadowMaps {
             .create_sampler(&wgpu::SamplerDescriptor { label: Some("shadow_gather"), ..Default::default() });
         let moments = Moments::new(gpu, library, frame_layout, settings, false)?;
         let made = moments.outputs();
+        let tint = TintMaps::new(gpu, 1, 1);
         Ok(Self {
+            tint: settings.transmission_tint.then(|| Tint::new(gpu, library, shared, facts)).transpose()?,
             moments,
             culling: Culling::new(gpu, library, scene_layout)?,
             pipelines: [pipeline(0)?, pipeline(1)?, pipeline(2)?, pipeline(3)?],
@@ -152,7 +159,7 @@ impl ShadowMaps {
             fitter: (settings.fit == Fit::Depth)
                 .then(|| Fitter::new(gpu, library, frame_layout))
                 .transpose()?,
-            outputs: ShadowOutputs { maps: maps(gpu, 1, 1), compare, gather, moments: made },
+            outputs: ShadowOutputs { maps: maps(gpu, 1, 1), compare, gather, moments: made, tint },
             draw_views: draw_views(gpu, 1),
             capacity: 1,
             rendered: (0, ShadowViews::default()),
@@ -168,6 +175,7 @@ impl ShadowMaps {
         self.cull_front == settings.bias_cull_front
             && self.facts == facts
             && self.moments.serves(settings, false)
+            && self.tint.is_some() == settings.transmission_tint
             && (self.paraboloid.is_some() || settings.point_layout != PointLayout::Paraboloid)
             && (self.fitter.is_some() || settings.fit != Fit::Depth)
     }
@@ -185,6 +193,12 @@ impl ShadowMaps {
             self.rendered.1 = ShadowViews::default();
         }
         self.moments.reserve(gpu, settings, resolution, layers);
+        let tinted = if self.tint.is_some() { [resolution, layers] } else { [1, 1] };
+        let has = self.outputs.tint.tint.options();
+        if [has.width, has.layers.unwrap_or(1)] != tinted {
+            self.outputs.tint = TintMaps::new(gpu, tinted[0], tinted[1]);
+            self.rendered.1 = ShadowViews::default();
+        }
         if self.rendered.0 != scene.id() || !keeps {
             self.rendered = (scene.id(), ShadowViews::default());
         }
@@ -270,8 +284,14 @@ impl ShadowMaps {
                 let pipelines = self.paraboloid.as_ref().filter(|_| curved).unwrap_or(&self.pipelines);
                 frame.render("shadow/depth", targets, |pass| {
                     let shared = &[frame_group, scene.group()];
-                    draw_classes(pass, pipelines, scene.classes(), shared, &binds, (&lists, index, !curved));
+                    let classes = if self.tint.is_some() { OPAQUE } else { scene.classes() };
+                    draw_classes(pass, pipelines, classes, shared, &binds, (&lists, index, !curved));
                 });
+                if let Some(tint) = &self.tint {
+                    let shared = &[frame_group, scene.group()];
+                    let target = (&self.outputs.tint, layer);
+                    tint.record(frame, shared, &self.pipelines, target, &binds, (&lists, index));
+                }
             }
         }
         if !views.views.is_empty() {

@@ -243,6 +243,11 @@ impl ShadowSettings {
         refused_pair(pair)
             .map(|reason| format!("{key} = {value} does not go with shadow.representation = {representation}: {reason}"))
             .or_else(|| {
+                (self.transmission_tint && self.point_layout == PointLayout::Paraboloid).then(|| {
+                    "shadow.transmission_tint does not go with shadow.point_layout = paraboloid: take cube".into()
+                })
+            })
+            .or_else(|| {
                 (self.fit == Fit::Depth && self.layout == Layout::Single).then(|| {
                     "shadow.fit = depth does not go with shadow.layout = single: take shadow.layout = cascaded with \
                      shadow.cascades = 1"

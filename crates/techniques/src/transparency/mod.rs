@@ -227,6 +227,7 @@ impl Transparency {
         let targets = Targets {
             color: &[Attachment {
                 texture: visibility,
+                layer: 0,
                 clear: Some(wgpu::Color::TRANSPARENT),
                 resolve: None,
             }],
