@@ -186,7 +186,9 @@ impl Rig {
         let work = (Dispatch::Threads([side, side, layers]), (side * side * layers) as usize);
         let mut texels: Vec<[f32; 4]> = self.bench.run(shader, &[], None, &inputs, work);
         let channels = self.settings.representation.channels() as usize;
-        texels.iter_mut().for_each(|texel| texel[channels..].fill(0.0));
+        for texel in &mut texels {
+            texel[channels..].fill(0.0);
+        }
         texels
     }
 
