@@ -289,7 +289,7 @@ impl Renderer {
         let views = shadow_views.views.len();
         self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), views, environment);
         self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
-        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, settings.shadow.cache);
+        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, &settings.shadow);
         self.passes.direct.reserve(&self.kit.gpu, &self.pool, size_px, grid, forward);
         if let Some(transparency) = &mut self.passes.transparency {
             transparency.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px, settings.surface.layers);
@@ -316,7 +316,7 @@ impl Renderer {
             sky: prepared.sky,
             wants_surface,
         };
-        record(self.settings.pipeline, &mut self.passes, frame, &inputs)
+        record(&self.settings, &mut self.passes, frame, &inputs)
     }
 }
 

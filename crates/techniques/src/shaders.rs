@@ -36,6 +36,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shadow/depth_bounds.cs.wesl"),
     shader!("shadow/draw_view.wesl"),
     shader!("shadow/fit.cs.wesl"),
+    shader!("shadow/inspect.wesl"),
     shader!("shadow/lookup.wesl"),
     shader!("shadow/moments/blur.wesl"),
     shader!("shadow/moments/bounds.wesl"),

@@ -32,6 +32,8 @@ pub use settings::{
 };
 pub use views::{CameraView, FitInputs, ShadowView, ShadowViews, fit};
 
+use chiaro_gpu::Gpu;
+
 use crate::shared::frame::ShadowParameters;
 
 /// What shaders that look shadows up are compiled for.
@@ -56,8 +58,8 @@ impl Lookup {
         }
     }
 
-    /// The constants of `lookup.wesl`.
-    pub fn constants(self) -> Vec<(&'static str, f64)> {
+    /// The constants of the lookups.
+    pub fn constants(self, gpu: &Gpu) -> Vec<(&'static str, f64)> {
         let filter = match self.filter {
             Filter::None => 0.0,
             Filter::Pcf if self.kernel == PcfKernel::Disc => 2.0,
@@ -65,7 +67,7 @@ impl Lookup {
             _ => 1.0,
         };
         let moments = self.representation != Representation::Depth;
-        vec![
+        let mut constants = vec![
             ("FILTER", filter),
             // A kernel of no texels would divide by zero where it is not used.
             ("PCF_KERNEL", f64::from(self.kernel.texels().max(2))),
@@ -73,17 +75,13 @@ impl Lookup {
             ("SELECT_BY_DEPTH", f64::from(self.select == CascadeSelect::Depth)),
             ("MOMENTS", f64::from(moments)),
             ("MOMENT_MIPS", f64::from(moments && self.filter.mips())),
-        ]
+        ];
+        constants.extend(moments::constants(gpu, self.representation));
+        constants
     }
 }
 
 impl ShadowSettings {
-    /// Bytes a texel takes in all of a view's maps.
-    pub fn texel_bytes(&self) -> u32 {
-        let channels = self.representation.channels() * 4;
-        4 + if self.filter.mips() { channels * 4 / 3 } else { channels }
-    }
-
     /// What all shadow views share.
     pub fn parameters(&self) -> ShadowParameters {
         let positive = match self.representation {

@@ -4,12 +4,13 @@ use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Binding, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
+    Bind, Binding, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
     RenderPipelineOptions, Targets, Texture, TextureOptions,
 };
 use glam::Vec4Swizzles;
 
 use super::cascades::Fitter;
+use super::moments::{MomentOutputs, Moments};
 use super::views::{ShadowView, ShadowViews};
 use super::{Fit, PointLayout, ShadowSettings};
 use crate::shaders;
@@ -27,6 +28,21 @@ pub struct ShadowOutputs {
     pub compare: wgpu::Sampler,
     /// Plain sampler, for fetching four depths at once.
     pub gather: wgpu::Sampler,
+    /// What was made of the maps.
+    pub moments: MomentOutputs,
+}
+
+impl ShadowOutputs {
+    /// What `shadow/lookup.wesl` binds.
+    pub fn binds(&self) -> Vec<Bind<'_>> {
+        let mut binds = self.moments.binds().to_vec();
+        binds.extend([
+            ("shadow_maps", (&self.maps).into()),
+            ("shadow_compare", (&self.compare).into()),
+            ("shadow_gather", (&self.gather).into()),
+        ]);
+        binds
+    }
 }
 
 /// See `draw_view.wesl`.
@@ -65,6 +81,7 @@ pub struct ShadowMaps {
     pipelines: [RenderPipeline; KINDS],
     paraboloid: Option<[RenderPipeline; KINDS]>,
     fitter: Option<Fitter>,
+    moments: Moments,
     outputs: ShadowOutputs,
     draw_views: Buffer,
     capacity: usize,
@@ -125,14 +142,17 @@ impl ShadowMaps {
         let gather = gpu
             .device
             .create_sampler(&wgpu::SamplerDescriptor { label: Some("shadow_gather"), ..Default::default() });
+        let moments = Moments::new(gpu, library, frame_layout, settings, false)?;
+        let made = moments.outputs();
         Ok(Self {
+            moments,
             culling: Culling::new(gpu, library, scene_layout)?,
             pipelines: [pipeline(0)?, pipeline(1)?, pipeline(2)?, pipeline(3)?],
             paraboloid,
             fitter: (settings.fit == Fit::Depth)
                 .then(|| Fitter::new(gpu, library, frame_layout))
                 .transpose()?,
-            outputs: ShadowOutputs { maps: maps(gpu, 1, 1), compare, gather },
+            outputs: ShadowOutputs { maps: maps(gpu, 1, 1), compare, gather, moments: made },
             draw_views: draw_views(gpu, 1),
             capacity: 1,
             rendered: (0, ShadowViews::default()),
@@ -147,12 +167,14 @@ impl ShadowMaps {
     pub fn serves(&self, settings: &ShadowSettings, facts: SceneFacts) -> bool {
         self.cull_front == settings.bias_cull_front
             && self.facts == facts
+            && self.moments.serves(settings, false)
             && (self.paraboloid.is_some() || settings.point_layout != PointLayout::Paraboloid)
             && (self.fitter.is_some() || settings.fit != Fit::Depth)
     }
 
-    /// Makes room for so many views. Not inside a frame. With `keeps`, views that rest keep their maps.
-    pub fn reserve(&mut self, gpu: &Gpu, scene: &SceneGpu, views: &ShadowViews, keeps: bool) {
+    /// Makes room for so many views. Not inside a frame.
+    pub fn reserve(&mut self, gpu: &Gpu, scene: &SceneGpu, views: &ShadowViews, settings: &ShadowSettings) {
+        let keeps = settings.cache;
         let views = &views.views;
         self.culling.reserve(gpu, scene, views.len());
         let resolution = views.first().map_or(1, |view| view.resolution);
@@ -162,6 +184,7 @@ impl ShadowMaps {
             self.outputs.maps = maps(gpu, resolution, layers);
             self.rendered.1 = ShadowViews::default();
         }
+        self.moments.reserve(gpu, settings, resolution, layers);
         if self.rendered.0 != scene.id() || !keeps {
             self.rendered = (scene.id(), ShadowViews::default());
         }
@@ -214,6 +237,7 @@ impl ShadowMaps {
         scene: &SceneGpu,
         views: &ShadowViews,
         depth: Option<&Texture>,
+        settings: &ShadowSettings,
     ) -> ShadowOutputs {
         let keeps_near = frame.gpu().optional.depth_clip_control;
         let moved = self.moved(scene, views, keeps_near);
@@ -251,6 +275,10 @@ impl ShadowMaps {
                     draw_classes(pass, pipelines, scene.classes(), shared, &binds, (&lists, index, !curved));
                 });
             }
+        }
+        if !views.views.is_empty() {
+            let maps = &self.outputs.maps;
+            self.outputs.moments = self.moments.record(frame, frame_group, settings, maps, &moved);
         }
         if self.keeps && (!moved.is_empty() || self.rendered.1 != *views) {
             self.rendered = (scene.id(), views.clone());

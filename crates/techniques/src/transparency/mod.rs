@@ -106,7 +106,7 @@ impl Transparency {
         let resolve =
             |glows| ComputePipeline::new(gpu, library, &shaders::resolve(glows, true), shared, &materials);
         let behind = |whole| ComputePipeline::new(gpu, library, &shaders::behind(whole), &[], &[]);
-        let constants = permutations.constants();
+        let constants = permutations.constants(gpu);
         let shade =
             |glows| ComputePipeline::new(gpu, library, &shaders::shade_layer(glows, false), shared, &constants);
         Ok(Self {

@@ -10,6 +10,8 @@ mod motion;
 mod pipelines;
 mod references;
 mod robust;
+mod shadow_cascades;
+mod shadow_table;
 mod shadow_moments;
 mod shadows;
 mod surface;

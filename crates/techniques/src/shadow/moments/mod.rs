@@ -76,6 +76,12 @@ impl MomentOutputs {
     }
 }
 
+/// Overrides of `lookup.wesl`, beside MOMENT_MIPS of the shadow maps' lookup.
+pub fn constants(gpu: &Gpu, representation: Representation) -> [(&'static str, f64); 2] {
+    let filtered = gpu.optional.float32_filterable;
+    [("REPRESENTATION", f64::from(representation as u32)), ("FILTERED", filtered.into())]
+}
+
 /// What pipelines are made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Key {
@@ -200,10 +206,9 @@ impl Moments {
         self.key == Key::new(settings, float_maps)
     }
 
-    /// Overrides of `lookup.wesl`, beside MOMENT_MIPS of the shadow maps' lookup.
-    pub fn constants(gpu: &Gpu, settings: &ShadowSettings) -> [(&'static str, f64); 2] {
-        let filtered = gpu.optional.float32_filterable;
-        [("REPRESENTATION", f64::from(settings.representation as u32)), ("FILTERED", filtered.into())]
+    /// What the passes have made.
+    pub fn outputs(&self) -> MomentOutputs {
+        self.outputs.clone()
     }
 
     /// Bytes that maps of `resolution`² texels take for so many views, beside the depth.

@@ -199,12 +199,9 @@ impl Rig {
     /// With the sampler's filter or the shader's own.
     fn visibility_filtered(&self, points: &[Point], filtered: bool) -> Vec<f32> {
         let shader = ("tests/moment_lookup.cs.wesl", include_str!("../wesl/moment_lookup.cs.wesl"));
-        let mut constants = Moments::constants(&self.gpu, &self.settings).to_vec();
-        constants.retain(|(name, _)| *name != "FILTERED");
+        let mut constants = Lookup::new(&self.settings).constants(&self.gpu);
+        constants.retain(|(name, _)| ["REPRESENTATION", "MOMENT_MIPS"].contains(name));
         constants.push(("FILTERED", filtered.into()));
-        constants.extend(
-            Lookup::new(&self.settings).constants().into_iter().filter(|(name, _)| *name == "MOMENT_MIPS"),
-        );
         let gather = self.gpu.device.create_sampler(&wgpu::SamplerDescriptor::default());
         let points_buffer = self.bench.buffer("points", points);
         let mut inputs: Vec<(&'static str, Binding<'_>)> = vec![
