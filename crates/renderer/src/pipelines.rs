@@ -83,8 +83,7 @@ fn forward(
     let views = &passes.frame_group.shadow_views;
     let shadows =
         passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, depth.as_ref(), settings);
-    let surface =
-        inputs.wants_surface.then(|| passes.surfaces.record_resolve(frame, group, scene, &lists));
+    let surface = inputs.wants_surface.then(|| passes.surfaces.record_resolve(frame, group, scene, &lists));
     let light_grid = passes.direct.record_grid(frame, group);
     let radiance =
         passes.direct.record_forward(frame, (group, scene), &lists, &shadows, &light_grid, inputs.sky);

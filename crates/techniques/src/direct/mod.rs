@@ -84,8 +84,9 @@ impl DirectLight {
     ) -> Result<Self, GpuError> {
         let shared = &[frame_layout, scene_layout];
         let constants = permutations.constants(gpu);
-        let shade =
-            |emissive| ComputePipeline::new(gpu, library, &shaders::shade(emissive, false), shared, &constants);
+        let shade = |emissive| {
+            ComputePipeline::new(gpu, library, &shaders::shade(emissive, false), shared, &constants)
+        };
         let target = [wgpu::ColorTargetState {
             format: TextureFormat::Rgba16Float,
             blend: None,
@@ -104,7 +105,13 @@ impl DirectLight {
                 constants: &forward_constants,
                 ..Default::default()
             };
-            RenderPipeline::new(gpu, library, &shaders::forward(masked, multisampled, false), shared, &options)
+            RenderPipeline::new(
+                gpu,
+                library,
+                &shaders::forward(masked, multisampled, false),
+                shared,
+                &options,
+            )
         };
         let background = RenderPipelineOptions {
             targets: &target,

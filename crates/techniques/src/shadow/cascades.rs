@@ -13,8 +13,8 @@ use chiaro_gpu::{
 };
 use glam::{Mat3, Mat4, Vec2, Vec3};
 
-use super::record::DrawView;
 use super::project::{corners, light_axes, reversed_orthographic};
+use super::record::DrawView;
 use super::views::{Maker, ShadowView, ShadowViews};
 use super::{CameraView, Fit, Representation};
 use crate::shaders;
@@ -173,7 +173,12 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut Sha
 }
 
 /// A parallel view around a sphere in the light's axes, on the grid of its texels.
-fn parallel(center: Vec3, radius: f32, casters_near: Option<f32>, make: &Maker<'_>) -> (Mat4, ShadowViewData) {
+fn parallel(
+    center: Vec3,
+    radius: f32,
+    casters_near: Option<f32>,
+    make: &Maker<'_>,
+) -> (Mat4, ShadowViewData) {
     let half = make.with_border(radius);
     let texel = 2.0 * half / make.resolution as f32;
     let center = (center / texel).round() * texel;
@@ -181,8 +186,7 @@ fn parallel(center: Vec3, radius: f32, casters_near: Option<f32>, make: &Maker<'
     let near = (-half - center.z).min(casters_near.unwrap_or(f32::MAX));
     let clip_from_ls = reversed_orthographic(Vec2::splat(half), near, far)
         * Mat4::from_translation(Vec3::new(-center.x, -center.y, 0.0));
-    let data =
-        ShadowViewData { texel_m: texel, near_m: near, far_m: far, ..make.data(&clip_from_ls, 0) };
+    let data = ShadowViewData { texel_m: texel, near_m: near, far_m: far, ..make.data(&clip_from_ls, 0) };
     (clip_from_ls, data)
 }
 
@@ -229,7 +233,8 @@ impl Fitter {
             return;
         }
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        let make = |name, each: usize| Buffer::new(gpu, name, Life::Kept, (count.max(1) * each) as u64, usage);
+        let make =
+            |name, each: usize| Buffer::new(gpu, name, Life::Kept, (count.max(1) * each) as u64, usage);
         self.views = Some(FittedViews {
             count,
             frustum: make("frustum_views", size_of::<ShadowViewData>()),
@@ -266,9 +271,8 @@ impl Fitter {
     pub fn take(&self, frame: &mut Frame<'_>, suns: &[SunFit], (views, draws): (&Buffer, &Buffer)) {
         let Some(room) = &self.views else { return };
         for sun in suns {
-            let range = |each: usize| {
-                (u64::from(sun.first_view) * each as u64, u64::from(sun.count) * each as u64)
-            };
+            let range =
+                |each: usize| (u64::from(sun.first_view) * each as u64, u64::from(sun.count) * each as u64);
             let (at, size) = range(size_of::<ShadowViewData>());
             frame.copy((&room.views, at), (views, at), size);
             let (at, size) = range(size_of::<DrawView>());
@@ -280,9 +284,8 @@ impl Fitter {
     /// Which of the views culled together are fitted.
     pub fn culls<'a>(&'a self, suns: &[SunFit], layers: &[u32]) -> Vec<Over<'a>> {
         let Some(room) = &self.views else { return Vec::new() };
-        let fitted = |layer: u32| {
-            suns.iter().any(|sun| (sun.first_view..sun.first_view + sun.count).contains(&layer))
-        };
+        let fitted =
+            |layer: u32| suns.iter().any(|sun| (sun.first_view..sun.first_view + sun.count).contains(&layer));
         let over = |(index, &layer): (usize, &u32)| {
             fitted(layer).then_some(Over { views: &room.culls, from: layer as usize, to: index })
         };

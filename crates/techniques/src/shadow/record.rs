@@ -259,8 +259,7 @@ impl ShadowMaps {
             let fitted = fitter.map(|fitter| fitter.culls(&views.fitted, chunk)).unwrap_or_default();
             let lists = self.culling.record(frame, names, scene, &cull_views, &fitted);
             for (index, &layer) in chunk.iter().enumerate() {
-                let attachment =
-                    DepthAttachment { texture: &self.outputs.maps, layer, clear: Some(0.0) };
+                let attachment = DepthAttachment { texture: &self.outputs.maps, layer, clear: Some(0.0) };
                 let targets = Targets { color: &[], depth: Some(attachment) };
                 let offset = u64::from(layer) * DRAW_VIEW_BYTES;
                 let binds = [
@@ -268,8 +267,7 @@ impl ShadowMaps {
                     ("draw_list", (&lists.list).into()),
                 ];
                 let curved = view(layer).data.projection == ShadowViewData::PARABOLOID;
-                let pipelines =
-                    self.paraboloid.as_ref().filter(|_| curved).unwrap_or(&self.pipelines);
+                let pipelines = self.paraboloid.as_ref().filter(|_| curved).unwrap_or(&self.pipelines);
                 frame.render("shadow/depth", targets, |pass| {
                     let shared = &[frame_group, scene.group()];
                     draw_classes(pass, pipelines, scene.classes(), shared, &binds, (&lists, index, !curved));

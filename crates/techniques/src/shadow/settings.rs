@@ -148,7 +148,9 @@ impl crate::settings::Value for Sigma {
             return Ok(Self(None));
         }
         let value = text.parse::<f32>().ok().filter(|value| range.contains(value));
-        value.map(|value| Self(Some(value))).ok_or_else(|| format!("binomial, or a number in {}..{}", range.start(), range.end()))
+        value
+            .map(|value| Self(Some(value)))
+            .ok_or_else(|| format!("binomial, or a number in {}..{}", range.start(), range.end()))
     }
     fn show(&self) -> String {
         self.0.map_or_else(|| "binomial".into(), |value| value.to_string())
@@ -256,9 +258,13 @@ fn refused_pair((representation, filter): (Representation, Filter)) -> Option<&'
     match filter {
         Filter::None => None,
         Filter::Pcf if depth => None,
-        Filter::Pcf => Some("comparisons are averaged for depth; maps of moments take gaussian, mip or gaussian-mip"),
+        Filter::Pcf => {
+            Some("comparisons are averaged for depth; maps of moments take gaussian, mip or gaussian-mip")
+        }
         Filter::Pcss if depth => None,
-        Filter::Pcss => Some("the search for blockers needs their depths; take shadow.representation = depth"),
+        Filter::Pcss => {
+            Some("the search for blockers needs their depths; take shadow.representation = depth")
+        }
         Filter::Gaussian | Filter::Mip | Filter::GaussianMip if depth => Some(
             "an average of depths is no depth of anything; take pcf or pcss, or a representation of moments \
              (variance, exponential, evsm2, evsm4, moments)",

@@ -182,7 +182,8 @@ impl Maker<'_> {
             projection: ShadowViewData::PARALLEL,
             texel_m: 0.0,
             // One unfiltered test is off by up to half a texel, as much as the bilinear kernel's half reach.
-            normal_offset: settings.bias_normal_offset * if settings.filter == Filter::None { 1.5 } else { 1.0 },
+            normal_offset: settings.bias_normal_offset
+                * if settings.filter == Filter::None { 1.5 } else { 1.0 },
             constant_bias: settings.bias_constant,
             slope_bias: settings.bias_slope,
             near_m: 0.0,

@@ -107,8 +107,9 @@ impl Transparency {
             |glows| ComputePipeline::new(gpu, library, &shaders::resolve(glows, true), shared, &materials);
         let behind = |whole| ComputePipeline::new(gpu, library, &shaders::behind(whole), &[], &[]);
         let constants = permutations.constants(gpu);
-        let shade =
-            |glows| ComputePipeline::new(gpu, library, &shaders::shade_layer(glows, false), shared, &constants);
+        let shade = |glows| {
+            ComputePipeline::new(gpu, library, &shaders::shade_layer(glows, false), shared, &constants)
+        };
         Ok(Self {
             peel: [peels(Layer::First)?, peels(Layer::Next)?],
             resolve: [resolve(false)?, resolve(true)?],

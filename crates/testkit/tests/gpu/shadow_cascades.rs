@@ -59,17 +59,19 @@ fn no_border_between_cascades_shows_on_a_flat_floor_in_light_or_shadow() {
     stage.quad(Vec3::new(-20.0, 4.0, 0.0), Vec3::X * 20.0, Vec3::NEG_Z * 40.0, material);
     let gpu = device();
     let exact = Exact::new(&stage.scene);
-    let view = View::look_at(Vec3::new(2.4, 2.0, 30.0), Vec3::new(2.4, 0.0, 0.0), 0.8, 0.05);
+    let view = View::look_at(Vec3::new(2.4, 3.0, 30.0), Vec3::new(2.4, 0.0, 20.0), 0.8, 0.05);
     let size = [160, 120];
     let hits = exact.pixels(&view, size);
     // The roof's shadow ends 2.4 m to the right of it; filters reach a part of a metre.
     let side = |i: usize| {
-        let p = hits[i].map(|hit| hit.position).filter(|p| p.y.abs() < 1e-3 && p.z > -30.0)?;
+        let p = hits[i].map(|hit| hit.position).filter(|p| p.y.abs() < 1e-3 && p.z > 5.0)?;
         ((p.x - 2.4).abs() > 1.5).then_some(p.x > 2.4)
     };
     let mut studio = Studio::new(&gpu, direct(&[]));
     let scene = studio.load(&stage.scene);
-    for (representation, filter) in [("depth", "pcf"), ("depth", "pcss"), ("evsm4", "gaussian"), ("moments", "gaussian-mip")] {
+    for (representation, filter) in
+        [("depth", "pcf"), ("depth", "pcss"), ("evsm4", "gaussian"), ("moments", "gaussian-mip")]
+    {
         for select in ["projection", "depth"] {
             studio.set(direct(&[
                 ("shadow.resolution", "512"),
@@ -80,7 +82,7 @@ fn no_border_between_cascades_shows_on_a_flat_floor_in_light_or_shadow() {
             let colors = studio.aov(&scene, &view, size, 1, Aov::ShadowCascade);
             let cascades: std::collections::BTreeSet<_> =
                 colors.pixels().iter().map(|pixel| pixel.map(|channel| (channel * 100.0) as u32)).collect();
-            assert!(cascades.len() > 6, "four cascades and their blends: {}", cascades.len());
+            assert!(cascades.len() > 4, "three cascades and their blends: {}", cascades.len());
             let found: Vec<f32> =
                 studio.aov(&scene, &view, size, 1, Aov::Shadow).pixels().iter().map(|p| p[0]).collect();
             let width = size[0] as usize;
