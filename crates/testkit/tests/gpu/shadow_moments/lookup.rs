@@ -108,20 +108,15 @@ fn a_slanted_plane_does_not_shadow_itself() {
     let points: Vec<_> = (0..500)
         .map(|_| {
             let at = Vec2::new(random.within(6.0, 26.0), random.within(6.0, 26.0));
-            Point::new(at / side as f32, plane(at.x - 0.5, at.y - 0.5))
+            let slope = Vec2::new(0.01, 0.004) * side as f32;
+            Point { slope, ..Point::new(at / side as f32, plane(at.x - 0.5, at.y - 0.5)) }
         })
         .collect();
     for representation in ALL {
         let rig = Rig::new(&gpu, settings(representation, BLURRED), &depths);
         let least = rig.visibility(&points).into_iter().fold(1.0, f32::min);
-        // A blur is symmetric, so the mean of a plane is its middle. The exponential map's region is far from planar here,
-        // and half of the single depths that it falls back on lie before the receiver.
-        let expected = match representation {
-            Representation::Variance => 0.999,
-            Representation::Exponential => 0.7,
-            _ => 0.9,
-        };
-        assert!(least >= expected, "{representation:?}: {least}");
+        // The allowances for a plane are those of a Gaussian filter.
+        assert!(least >= 0.98, "{representation:?}: {least}");
     }
 }
 

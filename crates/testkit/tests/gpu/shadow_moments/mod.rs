@@ -41,11 +41,13 @@ struct Point {
     view: u32,
     footprint_x: Vec2,
     footprint_y: Vec2,
+    slope: Vec2,
+    reserved: Vec2,
 }
 
 impl Point {
     fn new(uv: Vec2, linear: f32) -> Self {
-        Self { uv, linear, view: 0, footprint_x: Vec2::ZERO, footprint_y: Vec2::ZERO }
+        Self { uv, linear, ..Self::zeroed() }
     }
 }
 
