@@ -18,11 +18,11 @@
 //! | --- | --- | --- | --- |
 //! | maps | `shadow_moments` | above, with mips as `shadow.filter` says | a layer a view, as the maps |
 //!
-//! Rounding is what the constants of `bounds.wesl` answer. Moments of z and of z − ½ are equally informative in exact
-//! arithmetic; in floats those of −1..1 keep four times as much. The bias of 6·10⁻⁶ is the least, of powers of two times
-//! 3·10⁻⁷, at which planes stay free of dark spots after a blur of any radius; 16-bit texels would need ten times that.
+//! Rounding bounds what the numbers tell: a receiver closer behind a flat blocker than about a thousandth of the range
+//! (variance, moments; warps less) is lit in part. `bounds.wesl` says how large each allowance is, and why.
 //!
-//! Limits: exponential maps leak light close behind casters; their fallback compares up to 36 depths a point.
+//! Limits: exponential maps leak light close behind casters, and where their filter's region is not planar compare 25 × 4
+//! depths instead.
 //! Cost: blurring a map reads its depth and writes, reads and writes moments: 4 + 3 · 4 · channels bytes a texel, at
 //! 3 TB/s 0.039 ms for variance and 0.022 ms for exponential maps of 2048². Memory: 4 · channels bytes a texel of every
 //! view, a third more with mips, and while blurring at most 64 MiB, or one layer.

@@ -16,10 +16,10 @@ const BLURRED: Filter = Filter::Gaussian;
 fn tolerance(representation: Representation) -> (f32, f32) {
     match representation {
         // e^(−80 · 0.2)
-        Representation::Exponential => (2e-7, 1e-4),
+        Representation::Exponential => (2e-7, 1e-6),
         // Least variance over 0.2².
         Representation::Variance => (2e-5, 1e-6),
-        Representation::Moments => (5e-5, 2e-3),
+        Representation::Moments => (5e-5, 1e-5),
         _ => (1e-5, 1e-6),
     }
 }
@@ -48,7 +48,6 @@ fn light_reaches_what_lies_before_a_blocker_and_on_it_and_nothing_behind() {
                     most_dark = most_dark.max(lit);
                 }
             }
-            println!("{representation:?} {filter:?}: behind {most_dark:e}, before {most_lost:e}");
             assert!(most_dark <= dark, "{representation:?} {filter:?}: {most_dark} behind");
             assert!(most_lost <= lost, "{representation:?} {filter:?}: {most_lost} lost before");
         }
@@ -85,18 +84,14 @@ fn of_two_depths_the_farther_receives_exactly_its_share() {
                 .fold((0f32, 0f32), |(low, high), d| (low.min(d), high.max(d)))
         };
         let (low, high) = off(&rig.visibility(&on_far));
-        // Rounding and biases; the four moments' bias, seen from the edge of the blur, counts most.
+        // Rounding, and the four moments' bias.
         let exact = match representation {
-            Representation::Moments => 5e-3,
-            _ => 1e-4,
+            Representation::Moments => 1e-4,
+            _ => 1e-6,
         };
-        println!(
-            "{representation:?}: on the farther {low:e} {high:e}, between {:?}",
-            off(&rig.visibility(&between))
-        );
         assert!(low > -exact && high < exact, "{representation:?}: off by {low} to {high}");
         // Between the two depths the bounds are upper bounds; the exponential map's is its fallback, five taps.
-        let least = if representation == Representation::Exponential { -0.15 } else { -exact };
+        let least = if representation == Representation::Exponential { -0.1 } else { -exact };
         let (low, _) = off(&rig.visibility(&between));
         assert!(low > least, "{representation:?}: {low} too little between");
     }
@@ -113,20 +108,15 @@ fn a_slanted_plane_does_not_shadow_itself() {
     let points: Vec<_> = (0..500)
         .map(|_| {
             let at = Vec2::new(random.within(6.0, 26.0), random.within(6.0, 26.0));
-            Point::new(at / side as f32, plane(at.x - 0.5, at.y - 0.5))
+            let slope = Vec2::new(0.01, 0.004) * side as f32;
+            Point { slope, ..Point::new(at / side as f32, plane(at.x - 0.5, at.y - 0.5)) }
         })
         .collect();
     for representation in ALL {
         let rig = Rig::new(&gpu, settings(representation, BLURRED), &depths);
         let least = rig.visibility(&points).into_iter().fold(1.0, f32::min);
-        println!("{representation:?}: {least}");
-        // A blur is symmetric, so the mean of a plane is its middle; a bound of warped depth counts what lies before.
-        let expected = match representation {
-            Representation::Variance => 0.999,
-            Representation::Exponential | Representation::Evsm2 | Representation::Evsm4 => 0.5,
-            _ => 0.4,
-        };
-        assert!(least >= expected, "{representation:?}: {least}");
+        // The allowances for a plane are those of a Gaussian filter.
+        assert!(least >= 0.98, "{representation:?}: {least}");
     }
 }
 
@@ -171,14 +161,10 @@ fn filtering_in_the_shader_equals_the_samplers() {
         let rig = Rig::new(&gpu, settings, &Depths::random(64, 1));
         let pairs =
             rig.visibility_filtered(&points, true).into_iter().zip(rig.visibility_filtered(&points, false));
-        let pairs: Vec<_> = pairs.collect();
-        for (p, (a, b)) in points.iter().zip(&pairs).filter(|(_, (a, b))| (a - b).abs() > 1e-3).take(10) {
-            println!("{p:?}: {a} {b}");
-        }
-        println!("bad {}", pairs.iter().filter(|(a, b)| (a - b).abs() > 1e-3).count());
-        let most = pairs.into_iter().map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        println!("{representation:?}: {most:e}");
-        assert!(most < 1e-3, "{representation:?}: {most}");
+        let most = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        // GPUs blend in steps of 1/256 of the difference between two texels.
+        let steps = if gpu.is_software() { 1e-5 } else { 2e-2 };
+        assert!(most < steps, "{representation:?}: {most}");
     }
 }
 
@@ -304,7 +290,7 @@ fn bounds_are_never_below_the_share_of_what_lies_behind() {
         let mixtures: Vec<Vec<(f32, f32)>> = (0..2000)
             .map(|i| {
                 let parts: Vec<_> =
-                    (0..1 + i % 5).map(|_| (random.within(0.0, 1.0), random.within(0.01, 1.0))).collect();
+                    (0..=i % 5).map(|_| (random.within(0.0, 1.0), random.within(0.01, 1.0))).collect();
                 let sum: f32 = parts.iter().map(|(_, share)| share).sum();
                 parts.into_iter().map(|(depth, share)| (depth, share / sum)).collect()
             })
@@ -332,9 +318,8 @@ fn bounds_are_never_below_the_share_of_what_lies_behind() {
             },
         );
         let most = lacking.fold(0.0, f32::max);
-        println!("{representation:?}: {most:e}");
-        // Noise of rounding, and for four moments the bias.
-        assert!(most < 5e-3, "{representation:?}: {most} too little");
+        // Rounding, and for four moments the bias.
+        assert!(most < 1e-5, "{representation:?}: {most} too little");
     }
 }
 
@@ -347,7 +332,6 @@ fn rounding_in_wide_blurs_darkens_nothing() {
             sigma: Sigma(Some(20.0)),
             ..settings(representation, BLURRED)
         };
-        // A receiver as near behind a flat blocker as biases leave it: a texel of a map of 4096.
         let depths = Depths::new(80, 40, |layer, _, _| 0.0123 + layer as f32 / 41.0);
         let rig = Rig::new(&gpu, settings, &depths);
         let points: Vec<_> = (0..40)
@@ -359,7 +343,6 @@ fn rounding_in_wide_blurs_darkens_nothing() {
             })
             .collect();
         let least = rig.visibility(&points).into_iter().fold(1.0, f32::min);
-        println!("{representation:?}: {least}");
-        assert!(least > 0.99, "{representation:?}: {least}");
+        assert!(least > 0.9999, "{representation:?}: {least}");
     }
 }

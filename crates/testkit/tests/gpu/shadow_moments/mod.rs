@@ -41,11 +41,13 @@ struct Point {
     view: u32,
     footprint_x: Vec2,
     footprint_y: Vec2,
+    slope: Vec2,
+    reserved: Vec2,
 }
 
 impl Point {
     fn new(uv: Vec2, linear: f32) -> Self {
-        Self { uv, linear, view: 0, footprint_x: Vec2::ZERO, footprint_y: Vec2::ZERO }
+        Self { uv, linear, ..Self::zeroed() }
     }
 }
 
@@ -186,7 +188,9 @@ impl Rig {
         let work = (Dispatch::Threads([side, side, layers]), (side * side * layers) as usize);
         let mut texels: Vec<[f32; 4]> = self.bench.run(shader, &[], None, &inputs, work);
         let channels = self.settings.representation.channels() as usize;
-        texels.iter_mut().for_each(|texel| texel[channels..].fill(0.0));
+        for texel in &mut texels {
+            texel[channels..].fill(0.0);
+        }
         texels
     }
 
