@@ -10,6 +10,8 @@ use crate::{Buffer, RenderPipeline};
 pub enum Draw<'a> {
     /// A triangle that covers the target.
     FullScreen,
+    /// So many vertices.
+    Vertices(u32),
     /// As a `DrawIndirect` at a byte offset says.
     Indirect(&'a Buffer, u64),
     /// As a `DrawIndexedIndirect` at a byte offset says, with 32-bit indices.
@@ -87,6 +89,7 @@ impl RenderPass<'_, '_> {
             }
         }
         match draw {
+            Draw::Vertices(count) => self.raw.draw(0..count, 0..1),
             Draw::FullScreen => self.raw.draw(0..3, 0..1),
             Draw::Indirect(buffer, offset) => self.raw.draw_indirect(buffer.raw(), offset),
             Draw::IndexedIndirect { indices, arguments, offset } => {

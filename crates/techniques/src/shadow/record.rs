@@ -36,6 +36,28 @@ pub struct ShadowOutputs {
 }
 
 impl ShadowOutputs {
+    /// Empty maps of `side`² texels, to be drawn by the caller: reversed depth, a layer for each view of [`super::fit`], near 1,
+    /// cleared to 0. Without moments and tints.
+    pub fn new(gpu: &Gpu, side: u32, layers: u32) -> Self {
+        let compare = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("shadow_compare"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            compare: Some(wgpu::CompareFunction::GreaterEqual),
+            ..Default::default()
+        });
+        let gather = gpu
+            .device
+            .create_sampler(&wgpu::SamplerDescriptor { label: Some("shadow_gather"), ..Default::default() });
+        Self {
+            maps: maps(gpu, side, layers),
+            compare,
+            gather,
+            moments: MomentOutputs::stand_in(gpu),
+            tint: TintMaps::new(gpu, 1, 1),
+        }
+    }
+
     /// What `shadow/lookup.wesl` binds.
     pub fn binds(&self) -> Vec<Bind<'_>> {
         let mut binds = self.moments.binds().to_vec();
@@ -137,19 +159,8 @@ impl ShadowMaps {
         let paraboloid = (settings.point_layout == PointLayout::Paraboloid)
             .then(|| Ok([paraboloid(0)?, paraboloid(1)?, paraboloid(2)?, paraboloid(3)?]))
             .transpose()?;
-        let compare = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some("shadow_compare"),
-            mag_filter: wgpu::FilterMode::Linear,
-            min_filter: wgpu::FilterMode::Linear,
-            compare: Some(wgpu::CompareFunction::GreaterEqual),
-            ..Default::default()
-        });
-        let gather = gpu
-            .device
-            .create_sampler(&wgpu::SamplerDescriptor { label: Some("shadow_gather"), ..Default::default() });
         let moments = Moments::new(gpu, library, frame_layout, settings, false)?;
-        let made = moments.outputs();
-        let tint = TintMaps::new(gpu, 1, 1);
+        let outputs = ShadowOutputs { moments: moments.outputs(), ..ShadowOutputs::new(gpu, 1, 1) };
         Ok(Self {
             tint: settings.transmission_tint.then(|| Tint::new(gpu, library, shared, facts)).transpose()?,
             moments,
@@ -159,7 +170,7 @@ impl ShadowMaps {
             fitter: (settings.fit == Fit::Depth)
                 .then(|| Fitter::new(gpu, library, frame_layout))
                 .transpose()?,
-            outputs: ShadowOutputs { maps: maps(gpu, 1, 1), compare, gather, moments: made, tint },
+            outputs,
             draw_views: draw_views(gpu, 1),
             capacity: 1,
             rendered: (0, ShadowViews::default()),

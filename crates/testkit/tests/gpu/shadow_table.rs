@@ -83,15 +83,12 @@ fn every_combination_is_near_exact_shadows_or_refused_by_name() {
     let mut worst = Vec::new();
     for representation in ["depth", "variance", "exponential", "evsm2", "evsm4", "moments"] {
         for filter in ["none", "pcf", "pcss", "gaussian", "mip", "gaussian-mip"] {
-            // Light bleeds and leaks by design of the representation; what is left is texels of half a decimetre.
-            let bound = match representation {
-                "depth" => 0.006,
-                "evsm4" | "moments" => 0.012,
-                _ => 0.02,
-            };
-            // The last layout says nothing new of most.
-            let layouts = if matches!(representation, "depth" | "evsm4") { 3 } else { 2 };
-            for layout in &LAYOUTS[..layouts] {
+            // Without any shadow the error is 0.037; what is left is texels of half a decimetre.
+            let bound = if representation == "depth" { 0.004 } else { 0.005 };
+            // All layouts for two representations; the others take turns.
+            let all = matches!(representation, "depth" | "evsm4");
+            let turn = (representation.len() + filter.len()) % LAYOUTS.len();
+            for layout in if all { &LAYOUTS[..] } else { &LAYOUTS[turn..=turn] } {
                 let mut changes = vec![("shadow.representation", representation), ("shadow.filter", filter)];
                 changes.extend(*layout);
                 let name = format!("{changes:?}");
@@ -107,7 +104,6 @@ fn every_combination_is_near_exact_shadows_or_refused_by_name() {
                 let found = studio.aov(&scene, &view(), SIZE, 1, Aov::Shadow);
                 let truth = if soft { truth(&exact, 0.02, 16) } else { hard.clone() };
                 let error = error(&found, &truth, &name);
-                println!("{error:.4} {name}");
                 if error > bound {
                     worst.push(format!("{name}: {error:.4} is more than {bound}"));
                 }
@@ -136,7 +132,6 @@ fn every_kernel_and_bias_is_near_exact_shadows() {
                 studio.set(changed(&changes));
                 let found = studio.aov(&scene, &view(), SIZE, 1, Aov::Shadow);
                 let error = error(&found, &truth, kernel);
-                println!("{error:.4} {changes:?}");
                 assert!(error < 0.02, "{changes:?}: {error}");
             }
         }
@@ -162,7 +157,6 @@ fn a_larger_light_has_softer_shadows_as_rays_say() {
             let found = studio.aov(&scene, &view(), SIZE, 1, Aov::Shadow);
             *error_ = error(&found, &truth, filter);
         }
-        println!("{size}: {errors:?}");
         let [(_, soft), (_, hard)] = errors;
         assert!(soft < bound, "{size}: {soft}");
         assert!(size == "0.02" || soft < hard, "{size}: pcss {soft} is no better than pcf {hard}");

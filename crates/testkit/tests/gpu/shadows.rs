@@ -262,7 +262,7 @@ fn glass_tints_the_light_it_lets_through_where_asked() {
         let mut studio = Studio::new(&gpu, direct(&changes));
         let scene = studio.load(&stage.scene);
         let (half, side) = (2.0, 128);
-        let mut at = |studio: &mut Studio, x: f32, z: f32| {
+        let at = |studio: &mut Studio, x: f32, z: f32| {
             let image = studio.radiance(&scene, &camera_above(half), [side; 2], 1);
             let pixel = ((Vec2::new(x, z) + half) / (2.0 * half) * side as f32).as_uvec2();
             Vec3::from(image.pixels()[(pixel.y * side + pixel.x) as usize])

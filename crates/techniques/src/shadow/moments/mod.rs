@@ -65,6 +65,24 @@ pub struct MomentOutputs {
 }
 
 impl MomentOutputs {
+    /// One texel of nothing, for maps that hold depth alone.
+    pub fn stand_in(gpu: &Gpu) -> Self {
+        let options =
+            TextureOptions::new(1, 1, TextureFormat::Rgba16Float, TextureUsages::TEXTURE_BINDING).array(1);
+        let stand_in = Texture::new(gpu, "shadow_moments", Life::Kept, options);
+        let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("shadow_moments"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            ..Default::default()
+        });
+        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let filter = Buffer::new(gpu, "moment_filter", Life::Kept, 16, uniform);
+        let (moments, filtered) = (stand_in.clone(), stand_in.clone());
+        Self { moments, filtered, sampler, filter }
+    }
+
     /// The handles of `lookup.wesl`.
     pub fn binds(&self) -> [Bind<'_>; 4] {
         [
@@ -173,21 +191,9 @@ impl Moments {
             Making::Convert(pipeline(shaders::moments_convert(channels, float_maps), &kind)?)
         };
         let halve = if key.mips { Some(pipeline(shaders::moments_halve(channels), &[])?) } else { None };
-        let options =
-            TextureOptions::new(1, 1, TextureFormat::Rgba16Float, TextureUsages::TEXTURE_BINDING).array(1);
-        let stand_in = Texture::new(gpu, "shadow_moments", Life::Kept, options);
-        let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some("shadow_moments"),
-            mag_filter: wgpu::FilterMode::Linear,
-            min_filter: wgpu::FilterMode::Linear,
-            mipmap_filter: wgpu::MipmapFilterMode::Linear,
-            ..Default::default()
-        });
+        let outputs = MomentOutputs::stand_in(gpu);
+        let stand_in = outputs.moments.clone();
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let filter = Buffer::new(gpu, "moment_filter", Life::Kept, 16, uniform);
-        let (moments, filtered) = (stand_in.clone(), stand_in.clone());
-        let outputs = MomentOutputs { moments, filtered, sampler, filter };
         Ok(Self {
             key,
             making,
