@@ -21,6 +21,10 @@
 //! Rounding bounds what the numbers tell: a receiver closer behind a flat blocker than about a thousandth of the range
 //! (variance, moments; warps less) is lit in part. `bounds.wesl` says how large each allowance is, and why.
 //!
+//! A filter spreads a slanted receiver over depth; what a representation would take for a shadow of the receiver on itself,
+//! `lookup.wesl` allows for by the receiver's plane: a shift towards the light of up to √3 standard deviations (evsm4,
+//! moments), or single depths compared with the plane (exponential).
+//!
 //! Limits: exponential maps leak light close behind casters, and where their filter's region is not planar compare 25 × 4
 //! depths instead.
 //! Cost: blurring a map reads its depth and writes, reads and writes moments: 4 + 3 · 4 · channels bytes a texel, at
