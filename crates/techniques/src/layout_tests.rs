@@ -7,6 +7,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
 use crate::shaders;
+use crate::shadow::raster::{RasterData, RasterViewData};
 use crate::shared::frame::{FrameData, LightData, ShadowViewData};
 use crate::surface::clusters::ClusterData;
 use crate::surface::culling::{CullClasses, CullView};
@@ -167,6 +168,22 @@ fn rust_structs_equal_their_wesl_twins() {
         morph_stride,
     );
     same!(&linked("surface/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride);
+    let raster = &linked("shadow/raster/resolve.cs.wesl");
+    same!(raster, RasterViewData, "RasterView", clip_from_ws, depth_limit, layer, reserved0, reserved1);
+    same!(
+        raster,
+        RasterData,
+        "Raster",
+        resolution,
+        columns,
+        texels,
+        anisotropy,
+        list_stride,
+        capacity,
+        reserved0,
+        reserved1,
+        views,
+    );
 }
 
 #[test]

@@ -31,6 +31,14 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("post/tone_map.cs.wesl"),
     shader!("shadow/depth.vs.wesl"),
     shader!("shadow/lookup.wesl"),
+    shader!("shadow/raster/cutout.wesl"),
+    shader!("shadow/raster/draw.wesl"),
+    shader!("shadow/raster/outline.wesl"),
+    shader!("shadow/raster/raster.wesl"),
+    shader!("shadow/raster/resolve.cs.wesl"),
+    shader!("shadow/raster/tile.wesl"),
+    shader!("shadow/raster/tiles.cs.wesl"),
+    shader!("shadow/raster/triangles.cs.wesl"),
     shader!("shared/albedo_table.cs.wesl"),
     shader!("shared/brdf.wesl"),
     shader!("shared/color.wesl"),
@@ -74,6 +82,7 @@ pub fn permutations() -> Vec<Permutation> {
         "post/exposure.cs.wesl",
         "post/histogram.cs.wesl",
         "post/tone_map.cs.wesl",
+        "shadow/raster/resolve.cs.wesl",
         "shared/albedo_table.cs.wesl",
         "surface/cull_count.cs.wesl",
         "surface/cull_expand.cs.wesl",
@@ -89,6 +98,8 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(shade_layer(a));
         all.push(shade(a));
         all.push(shadow_depth(a));
+        all.push(raster_triangles(a));
+        all.push(raster_tiles(a));
         for b in [false, true] {
             all.extend([Layer::None, Layer::First, Layer::Next].map(|layer| visibility(a, b, layer)));
             all.push(forward(a, b));
@@ -145,6 +156,16 @@ pub fn shade(emissive: bool) -> Permutation {
 /// A shadow view's depth.
 pub fn shadow_depth(masked: bool) -> Permutation {
     Permutation::plain("shadow/depth.vs.wesl").flag("masked", masked)
+}
+
+/// Small triangles of shadow views, drawn in compute; larger ones in tiles.
+pub fn raster_triangles(masked: bool) -> Permutation {
+    Permutation::plain("shadow/raster/triangles.cs.wesl").flag("masked", masked)
+}
+
+/// Tiles of large triangles of shadow views.
+pub fn raster_tiles(masked: bool) -> Permutation {
+    Permutation::plain("shadow/raster/tiles.cs.wesl").flag("masked", masked)
 }
 
 /// What a visibility buffer shows.

@@ -15,6 +15,7 @@
 //! Cost: 4 bytes a texel, and one raster of the culled casters whenever light, camera (suns) or scene changed: a map that
 //! rests is kept (`shadow.cache`).
 
+pub mod raster;
 mod settings;
 mod views;
 
