@@ -10,6 +10,7 @@ mod motion;
 mod pipelines;
 mod references;
 mod robust;
+mod shadow_raster;
 mod shadows;
 mod surface;
 mod textures;
