@@ -255,6 +255,12 @@ impl Frame<'_> {
         self.recorder.written.insert(buffer.id());
     }
 
+    /// Copies bytes from one buffer to another, each from its byte offset on, before the passes that follow.
+    pub fn copy(&mut self, (from, from_at): (&Buffer, u64), (to, to_at): (&Buffer, u64), size: u64) {
+        self.encoder.copy_buffer_to_buffer(from.raw(), from_at, to.raw(), to_at, size);
+        self.recorder.written.insert(to.id());
+    }
+
     /// Records a compute pass.
     ///
     /// # Panics

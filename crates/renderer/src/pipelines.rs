@@ -1,7 +1,7 @@
 //! The frame functions: one straight line each.
 
 use chiaro_gpu::{Buffer, Frame, Texture, wgpu};
-use chiaro_techniques::shadow::{ShadowOutputs, ShadowView};
+use chiaro_techniques::shadow::{ShadowOutputs, ShadowViews};
 use chiaro_techniques::surface::SurfaceBuffer;
 use chiaro_techniques::surface::culling::CullView;
 
@@ -25,7 +25,7 @@ pub struct FrameOutputs {
 pub(crate) struct FrameInputs<'a> {
     pub scene: &'a LoadedScene,
     pub camera: CullView,
-    pub shadow_views: &'a [ShadowView],
+    pub shadow_views: &'a ShadowViews,
     /// Stored units; `None` = the environment.
     pub sky: Option<wgpu::Color>,
     pub wants_surface: bool,
@@ -47,9 +47,11 @@ fn deferred(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
     passes.motion.record(frame, scene);
-    let shadows = passes.shadows.record(frame, group, scene, inputs.shadow_views);
     let lists = passes.surfaces.cull(frame, scene, &inputs.camera);
-    let surface = passes.surfaces.record(frame, group, scene, &lists);
+    let depth = passes.surfaces.record_visibility(frame, group, scene, &lists);
+    let views = &passes.frame_group.shadow_views;
+    let shadows = passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, Some(&depth));
+    let surface = passes.surfaces.record_resolve(frame, group, scene, &lists);
     let light_grid = passes.direct.record_grid(frame, group);
     let radiance = passes.direct.record_deferred(frame, group, &surface, &shadows, &light_grid);
     if let Some(transparency) = passes.transparency.as_ref().filter(|_| scene.see_through()) {
@@ -63,17 +65,18 @@ fn forward(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>)
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
     passes.motion.record(frame, scene);
-    let shadows = passes.shadows.record(frame, group, scene, inputs.shadow_views);
     let lists = passes.surfaces.cull(frame, scene, &inputs.camera);
-    let surface = inputs.wants_surface.then(|| passes.surfaces.record(frame, group, scene, &lists));
+    let blends = passes.transparency.is_some() && scene.see_through();
+    let needs_depth = inputs.wants_surface || blends || !inputs.shadow_views.fitted.is_empty();
+    let depth = needs_depth.then(|| passes.surfaces.record_visibility(frame, group, scene, &lists));
+    let views = &passes.frame_group.shadow_views;
+    let shadows = passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, depth.as_ref());
+    let surface = inputs.wants_surface.then(|| passes.surfaces.record_resolve(frame, group, scene, &lists));
     let light_grid = passes.direct.record_grid(frame, group);
     let radiance =
         passes.direct.record_forward(frame, (group, scene), &lists, &shadows, &light_grid, inputs.sky);
-    if let Some(transparency) = passes.transparency.as_ref().filter(|_| scene.see_through()) {
-        let depth = match &surface {
-            Some(surface) => surface.depth.clone(),
-            None => passes.surfaces.record_visibility(frame, group, scene, &lists),
-        };
+    let transparency = passes.transparency.as_ref().filter(|_| scene.see_through());
+    if let (Some(transparency), Some(depth)) = (transparency, depth) {
         let light = (&shadows, &light_grid);
         transparency.record(frame, (group, scene), &lists, light, &depth, &radiance);
     }

@@ -7,7 +7,8 @@ use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
 use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
 use chiaro_techniques::motion::Motion;
 use chiaro_techniques::shaders;
-use chiaro_techniques::shadow::{CameraView, ShadowMaps, ShadowView, fit};
+use chiaro_techniques::shadow::raster::ComputeRaster;
+use chiaro_techniques::shadow::{CameraView, FitInputs, ShadowMaps, ShadowViews, fit};
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
 use chiaro_techniques::surface::culling::CullView;
 use chiaro_techniques::surface::{SceneFacts, Surfaces};
@@ -54,7 +55,7 @@ pub struct Renderer {
 struct Prepared {
     data: FrameData,
     camera: CullView,
-    shadow_views: Vec<ShadowView>,
+    shadow_views: ShadowViews,
     lights: Vec<chiaro_techniques::shared::frame::LightData>,
     sky: Option<wgpu::Color>,
 }
@@ -224,10 +225,21 @@ impl Renderer {
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
         let steady = view.clip_from_ws(size_px, Vec2::ZERO);
         let bounds = scene.gpu.bounds_ws;
-        let camera_view = CameraView { eye_ws: view.eye_ws(), ws_from_clip: steady.inverse() };
+        let camera = CameraView {
+            eye_ws: view.eye_ws(),
+            forward_ws: view.forward_ws(),
+            ws_from_clip: steady.inverse(),
+        };
         let mut lights = scene.lights.clone();
-        let (shadow_views, notes) = fit(&mut lights, bounds, &camera_view, &settings.shadow);
-        self.notes = notes;
+        let inputs = FitInputs {
+            bounds_ws: bounds,
+            camera,
+            settings: &settings.shadow,
+            clamps_depth: self.kit.gpu.optional.depth_clip_control,
+            see_through: scene.gpu.see_through(),
+        };
+        let shadow_views = fit(&mut lights, &inputs);
+        self.notes.clone_from(&shadow_views.notes);
         let grid = grid_size(size_px, lights.len() - scene.directional);
         let sky_view = sky_view(&mut self.sky_view, scene, view.eye_ws());
         let map = scene.environment.as_ref();
@@ -266,6 +278,7 @@ impl Renderer {
             environment_turn: [turn.cos(), turn.sin()],
             show_direct,
             show_indirect,
+            shadow: settings.shadow.parameters(),
         };
         self.previous_clip_from_ws = Some(steady);
         let eye =
@@ -274,10 +287,11 @@ impl Renderer {
         let sky = map.is_none().then_some(wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 });
         let forward = settings.pipeline == Pipeline::Forward;
         let environment = map.map(|map| &map.texture);
-        let views = shadow_views.len();
+        let views = shadow_views.views.len();
         self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), views, environment);
         self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
-        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, settings.shadow.cache);
+        let keeps = (settings.shadow.cache, settings.surface.anisotropy);
+        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, keeps);
         self.passes.direct.reserve(&self.kit.gpu, &self.pool, size_px, grid, forward);
         if let Some(transparency) = &mut self.passes.transparency {
             transparency.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px, settings.surface.layers);
@@ -295,7 +309,7 @@ impl Renderer {
         let group = &self.passes.frame_group;
         frame.upload(&group.frame, &[prepared.data]);
         frame.upload(&group.lights, &prepared.lights);
-        let views: Vec<_> = prepared.shadow_views.iter().map(|view| view.data).collect();
+        let views: Vec<_> = prepared.shadow_views.views.iter().map(|view| view.data).collect();
         frame.upload(&group.shadow_views, &views);
         let inputs = FrameInputs {
             scene,
@@ -327,7 +341,16 @@ fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {
             "surface.msaa = {msaa}: the forward pipeline takes 1 or 4, which every adapter has"
         )));
     }
+    if let Some(reason) = settings.shadow.refused() {
+        return Err(Error::Combination(reason));
+    }
     let side = settings.shadow.resolution;
+    if settings.shadow.computes_maps() && ComputeRaster::views_at_once(gpu, side) == 0 {
+        return Err(Error::Combination(format!(
+            "shadow.resolution = {side} is more than shadow.raster = compute can do on {}",
+            gpu.info.name
+        )));
+    }
     if side > gpu.limits.max_texture_dimension_2d {
         return Err(Error::Combination(format!(
             "shadow.resolution = {side} is more than {} allows ({})",

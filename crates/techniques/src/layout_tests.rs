@@ -7,8 +7,10 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
 use crate::shaders;
+use crate::shadow::DrawView;
+use crate::shadow::cascades::SunFit;
 use crate::shadow::raster::{RasterData, RasterViewData};
-use crate::shared::frame::{FrameData, LightData, ShadowViewData};
+use crate::shared::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::surface::clusters::ClusterData;
 use crate::surface::culling::{CullClasses, CullView};
 use crate::surface::material::MaterialData;
@@ -58,6 +60,20 @@ fn rust_structs_equal_their_wesl_twins() {
         environment_turn,
         show_direct,
         show_indirect,
+        shadow,
+    );
+    same!(
+        shade,
+        ShadowParameters,
+        "ShadowParameters",
+        floor,
+        blend,
+        filter_radius,
+        light_size,
+        bleed_reduction,
+        positive_exponent,
+        negative_exponent,
+        anisotropy,
     );
     same!(
         shade,
@@ -81,7 +97,7 @@ fn rust_structs_equal_their_wesl_twins() {
         clip_from_ws,
         rect,
         layer,
-        perspective,
+        projection,
         texel_m,
         normal_offset,
         constant_bias,
@@ -90,6 +106,10 @@ fn rust_structs_equal_their_wesl_twins() {
         far_m,
         eye_ws,
         resolution,
+        begin_m,
+        end_m,
+        border,
+        reserved,
     );
     let resolve = &linked("surface/resolve.cs.wesl");
     same!(
@@ -192,4 +212,24 @@ fn a_struct_that_differs_is_found() {
     let wrong = [("position_ws", 0), ("kind", 16)];
     let message = check_layout(shade, "Light", &wrong, 32).unwrap_err();
     assert!(message.contains("intensity"), "{message}");
+    let fit = &linked("shadow/fit.cs.wesl");
+    same!(
+        fit,
+        SunFit,
+        "SunFit",
+        light_from_ws,
+        origins_ws,
+        steps_ws,
+        scene_ls,
+        begin_m,
+        end_m,
+        lambda,
+        least_near_m,
+        first_view,
+        count,
+        casters_near_m,
+        clamps_depth,
+    );
+    same!(fit, DrawView, "DrawView", clip_from_ws, near_m, share, resolution, reserved, padding);
+    same!(fit, CullView, "CullView", planes, eye_ws, flags);
 }

@@ -8,6 +8,9 @@ macro_rules! shader {
     };
 }
 
+/// Whether shadow maps hold depth as plain numbers, as compute writes them, instead of a depth format.
+const FLOAT_MAPS: &str = "float_maps";
+
 /// All WESL modules by path.
 pub const MODULES: &[(&str, &str)] = &[
     shader!("direct/forward.vs.wesl"),
@@ -30,7 +33,12 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("post/histogram.cs.wesl"),
     shader!("post/tone_map.cs.wesl"),
     shader!("shadow/depth.vs.wesl"),
+    shader!("shadow/depth_bounds.cs.wesl"),
+    shader!("shadow/draw_view.wesl"),
+    shader!("shadow/fit.cs.wesl"),
     shader!("shadow/lookup.wesl"),
+    shader!("shadow/paraboloid.vs.wesl"),
+    shader!("shadow/projection.wesl"),
     shader!("shadow/raster/cutout.wesl"),
     shader!("shadow/raster/draw.wesl"),
     shader!("shadow/raster/outline.wesl"),
@@ -71,17 +79,17 @@ pub fn library() -> Library {
 pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
         "direct/grid.cs.wesl",
-        "environment/background.vs.wesl",
         "environment/halve.cs.wesl",
         "environment/prefilter.cs.wesl",
         "environment/project.cs.wesl",
         "motion/deform.cs.wesl",
         "motion/instances.cs.wesl",
         "post/accumulate.cs.wesl",
-        "post/aov.cs.wesl",
         "post/exposure.cs.wesl",
         "post/histogram.cs.wesl",
         "post/tone_map.cs.wesl",
+        "shadow/depth_bounds.cs.wesl",
+        "shadow/fit.cs.wesl",
         "shadow/raster/resolve.cs.wesl",
         "shared/albedo_table.cs.wesl",
         "surface/cull_count.cs.wesl",
@@ -89,20 +97,20 @@ pub fn permutations() -> Vec<Permutation> {
         "surface/cull_scan.cs.wesl",
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
-    all.push(debug_view(Viewed::Grid, false));
+    all.extend([debug_view(Viewed::Grid, false), background()]);
     for a in [false, true] {
         all.extend([Viewed::Float, Viewed::Integer, Viewed::Depth].map(|what| debug_view(what, a)));
         all.push(resolve(a, false));
         all.push(resolve(a, true));
         all.push(behind(a));
-        all.push(shade_layer(a));
-        all.push(shade(a));
+        all.push(aov(a));
         all.push(shadow_depth(a));
+        all.extend([shadow_paraboloid(a, false), shadow_paraboloid(a, true)]);
         all.push(raster_triangles(a));
         all.push(raster_tiles(a));
         for b in [false, true] {
             all.extend([Layer::None, Layer::First, Layer::Next].map(|layer| visibility(a, b, layer)));
-            all.push(forward(a, b));
+            all.extend([forward(a, b, false), forward(a, b, true), shade_layer(a, b), shade(a, b)]);
         }
     }
     all
@@ -124,7 +132,7 @@ pub enum Viewed {
 /// A buffer as a picture; `array`: whether the texture is one.
 pub fn debug_view(what: Viewed, array: bool) -> Permutation {
     let kinds = [("integer", Viewed::Integer), ("depth", Viewed::Depth), ("grid", Viewed::Grid)];
-    let entry = Permutation::plain("post/debug_view.cs.wesl").flag("array", array);
+    let entry = Permutation::plain("post/debug_view.cs.wesl").flag("array", array).flag(FLOAT_MAPS, false);
     kinds.into_iter().fold(entry, |entry, (flag, kind)| entry.flag(flag, what == kind))
 }
 
@@ -144,18 +152,33 @@ pub fn behind(whole: bool) -> Permutation {
 }
 
 /// A layer of see-through surfaces over what is behind it.
-pub fn shade_layer(emissive: bool) -> Permutation {
-    Permutation::plain("transparency/shade.cs.wesl").flag("emissive", emissive)
+pub fn shade_layer(emissive: bool, float_maps: bool) -> Permutation {
+    Permutation::plain("transparency/shade.cs.wesl").flag("emissive", emissive).flag(FLOAT_MAPS, float_maps)
 }
 
 /// Deferred shading.
-pub fn shade(emissive: bool) -> Permutation {
-    Permutation::plain("direct/shade.cs.wesl").flag("emissive", emissive)
+pub fn shade(emissive: bool, float_maps: bool) -> Permutation {
+    Permutation::plain("direct/shade.cs.wesl").flag("emissive", emissive).flag(FLOAT_MAPS, float_maps)
+}
+
+/// The surroundings behind everything.
+pub fn background() -> Permutation {
+    Permutation::plain("environment/background.vs.wesl").flag(FLOAT_MAPS, false)
+}
+
+/// One quantity of surface or light.
+pub fn aov(float_maps: bool) -> Permutation {
+    Permutation::plain("post/aov.cs.wesl").flag(FLOAT_MAPS, float_maps)
 }
 
 /// A shadow view's depth.
 pub fn shadow_depth(masked: bool) -> Permutation {
     Permutation::plain("shadow/depth.vs.wesl").flag("masked", masked)
+}
+
+/// A hemisphere's depth.
+pub fn shadow_paraboloid(masked: bool, cull_front: bool) -> Permutation {
+    Permutation::plain("shadow/paraboloid.vs.wesl").flag("masked", masked).flag("cull_front", cull_front)
 }
 
 /// Small triangles of shadow views, drawn in compute; larger ones in tiles.
@@ -189,8 +212,11 @@ pub fn visibility(indexed: bool, masked: bool, layer: Layer) -> Permutation {
 }
 
 /// Forward shading.
-pub fn forward(masked: bool, multisampled: bool) -> Permutation {
-    Permutation::plain("direct/forward.vs.wesl").flag("masked", masked).flag("multisampled", multisampled)
+pub fn forward(masked: bool, multisampled: bool, float_maps: bool) -> Permutation {
+    Permutation::plain("direct/forward.vs.wesl")
+        .flag("masked", masked)
+        .flag("multisampled", multisampled)
+        .flag(FLOAT_MAPS, float_maps)
 }
 
 #[cfg(test)]

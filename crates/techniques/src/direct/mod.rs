@@ -23,7 +23,7 @@ use chiaro_gpu::{
 };
 
 use crate::shaders;
-use crate::shadow::{Filter, ShadowOutputs, ShadowSettings};
+use crate::shadow::{Lookup, ShadowOutputs, ShadowSettings};
 use crate::surface::culling::{DEPTH_COMPARE, DrawLists, draw_classes};
 use crate::surface::scene::{KINDS, OPAQUE};
 use crate::surface::{SceneFacts, SceneGpu, SurfaceBuffer, cull_mode};
@@ -31,10 +31,8 @@ use crate::surface::{SceneFacts, SceneGpu, SurfaceBuffer, cull_mode};
 /// What shaders are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Permutations {
-    /// Texels of the shadow filter's kernel, 0 = unfiltered.
-    pub pcf_kernel: u32,
-    /// Whether the filter follows the receiver's plane.
-    pub receiver_plane: bool,
+    /// How shadows are looked up.
+    pub shadow: Lookup,
     /// Samples per pixel of the forward pipeline.
     pub msaa: u32,
     /// What materials use, for the forward pipeline.
@@ -44,13 +42,12 @@ pub struct Permutations {
 impl Permutations {
     /// Those that settings ask for.
     pub fn new(shadow: &ShadowSettings, msaa: u32, facts: SceneFacts) -> Self {
-        let pcf_kernel = if shadow.filter == Filter::None { 0 } else { shadow.pcf_kernel.texels() };
-        Self { pcf_kernel, receiver_plane: shadow.bias_receiver_plane, msaa, facts }
+        Self { shadow: Lookup::new(shadow), msaa, facts }
     }
 
     /// Constants of every shader that looks shadows up.
-    pub fn constants(&self) -> [(&'static str, f64); 2] {
-        [("PCF_KERNEL", f64::from(self.pcf_kernel)), ("RECEIVER_PLANE", f64::from(self.receiver_plane))]
+    pub fn constants(&self) -> Vec<(&'static str, f64)> {
+        self.shadow.constants()
     }
 }
 
@@ -87,8 +84,10 @@ impl DirectLight {
     ) -> Result<Self, GpuError> {
         let shared = &[frame_layout, scene_layout];
         let constants = permutations.constants();
-        let shade =
-            |emissive| ComputePipeline::new(gpu, library, &shaders::shade(emissive), shared, &constants);
+        let float_maps = permutations.shadow.float_maps;
+        let shade = |emissive| {
+            ComputePipeline::new(gpu, library, &shaders::shade(emissive, float_maps), shared, &constants)
+        };
         let target = [wgpu::ColorTargetState {
             format: TextureFormat::Rgba16Float,
             blend: None,
@@ -107,7 +106,13 @@ impl DirectLight {
                 constants: &forward_constants,
                 ..Default::default()
             };
-            RenderPipeline::new(gpu, library, &shaders::forward(masked, multisampled), shared, &options)
+            RenderPipeline::new(
+                gpu,
+                library,
+                &shaders::forward(masked, multisampled, float_maps),
+                shared,
+                &options,
+            )
         };
         let background = RenderPipelineOptions {
             targets: &target,
@@ -116,7 +121,7 @@ impl DirectLight {
             samples: permutations.msaa,
             ..Default::default()
         };
-        let background_entry = shaders::plain("environment/background.vs.wesl");
+        let background_entry = shaders::background();
         Ok(Self {
             background: RenderPipeline::new(gpu, library, &background_entry, shared, &background)?,
             grid: ComputePipeline::new(gpu, library, &shaders::plain("direct/grid.cs.wesl"), shared, &[])?,

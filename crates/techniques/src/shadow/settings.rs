@@ -1,31 +1,93 @@
-//! Settings of shadow maps.
+//! Settings of shadow maps, and which of them go together.
 
 use crate::{choice, settings};
 
 choice! {
-    /// Which shadow maps lights have.
+    /// Which shadow maps suns have.
     pub enum Layout {
-        /// One map per sun and per spot light.
+        /// Several maps per sun, each for a slice of what the camera sees (Zhang et al. 2006, parallel-split shadow maps).
+        Cascaded = "cascaded",
+        /// One map per sun around all that the camera sees.
         Single = "single",
-        /// No shadows.
+        /// No shadows, of any light.
         None = "none",
     }
 }
 
 choice! {
-    /// How the map is compared.
+    /// Which shadow maps point lights have.
+    pub enum PointLayout {
+        /// Six perspective maps.
+        Cube = "cube",
+        /// Two maps of a hemisphere each (Brabec et al. 2002): a third of the memory, coarser.
+        Paraboloid = "paraboloid",
+    }
+}
+
+choice! {
+    /// What the maps hold.
+    pub enum Representation {
+        /// Depth, compared texel by texel.
+        Depth = "depth",
+        /// Mean and variance of depth (Donnelly & Lauritzen 2006), which can be blurred. Light bleeds where shadows overlap.
+        Variance = "variance",
+        /// An exponential of depth (Annen et al. 2008): one channel. Light leaks close behind casters.
+        Exponential = "exponential",
+        /// Variance of warped depth (Lauritzen & McCool 2008): less bleeding than variance.
+        Evsm2 = "evsm2",
+        /// The same with a second, negative warp: less still.
+        Evsm4 = "evsm4",
+        /// Four moments of depth (Peters & Klein 2015, Hamburger).
+        Moments = "moments",
+    }
+}
+
+impl Representation {
+    /// Numbers per texel beside the depth.
+    pub fn channels(self) -> u32 {
+        match self {
+            Self::Depth => 0,
+            Self::Exponential => 1,
+            Self::Variance | Self::Evsm2 => 2,
+            Self::Evsm4 | Self::Moments => 4,
+        }
+    }
+}
+
+choice! {
+    /// How a map is filtered.
     pub enum Filter {
-        /// Percentage-closer filtering (Reeves, Salesin & Cook 1987) with hardware comparison.
+        /// Percentage-closer filtering (Reeves, Salesin & Cook 1987) of depth comparisons.
         Pcf = "pcf",
         /// One unfiltered test.
         None = "none",
+        /// Percentage-closer soft shadows (Fernando 2005): as soft as the light is large and the caster far.
+        Pcss = "pcss",
+        /// The map is blurred in two passes.
+        Gaussian = "gaussian",
+        /// The map has mipmaps and is sampled anisotropically: distant shadows do not sparkle.
+        Mip = "mip",
+        /// Both: blurred, then mipmapped.
+        GaussianMip = "gaussian-mip",
+    }
+}
+
+impl Filter {
+    /// Whether the map is blurred.
+    pub fn blurs(self) -> bool {
+        matches!(self, Self::Gaussian | Self::GaussianMip)
+    }
+
+    /// Whether the map has mipmaps.
+    pub fn mips(self) -> bool {
+        matches!(self, Self::Mip | Self::GaussianMip)
     }
 }
 
 choice! {
     /// Texels across the percentage-closer kernel.
     pub enum PcfKernel {
-        /// The hardware's bilinear 2×2: 1 tap.
+        /// Bilinear 2×2: 1 tap.
         Two = "2",
         /// 3×3: 4 taps.
         Three = "3",
@@ -35,11 +97,13 @@ choice! {
         Five = "5",
         /// 7×7: 16 taps.
         Seven = "7",
+        /// Sixteen taps on a disc of `shadow.filter_radius`, turned at every pixel.
+        Disc = "disc",
     }
 }
 
 impl PcfKernel {
-    /// Texels.
+    /// Texels across; 0 for a disc.
     pub fn texels(self) -> u32 {
         match self {
             Self::Two => 2,
@@ -47,23 +111,119 @@ impl PcfKernel {
             Self::Four => 4,
             Self::Five => 5,
             Self::Seven => 7,
+            Self::Disc => 0,
         }
+    }
+}
+
+choice! {
+    /// What rasters the maps.
+    pub enum Raster {
+        /// What suits the adapter: the hardware.
+        Auto = "auto",
+        /// The hardware.
+        Hardware = "hardware",
+        /// Compute (see `shadow/raster`), for data-centre GPUs; paraboloids take the hardware.
+        Compute = "compute",
+    }
+}
+
+choice! {
+    /// What cascades are fitted to.
+    pub enum Fit {
+        /// Slices of the camera's view as far as the scene reaches: edges rest while the camera moves.
+        Frustum = "frustum",
+        /// The depths in the picture, reduced on the GPU (Lauritzen, Salvi & Lefohn 2011, sample distribution shadow maps):
+        /// finer maps, which change with what is in the picture.
+        Depth = "depth",
+    }
+}
+
+choice! {
+    /// Which cascade a point is looked up in.
+    pub enum CascadeSelect {
+        /// The finest whose map holds the point.
+        Projection = "projection",
+        /// The one of the point's distance along the view.
+        Depth = "depth",
+    }
+}
+
+/// Standard deviation of the Gaussian blur in texels; `None` = binomial weights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sigma(pub Option<f32>);
+
+impl crate::settings::Value for Sigma {
+    type Range = std::ops::RangeInclusive<f32>;
+    fn parse(text: &str, range: &Self::Range) -> Result<Self, String> {
+        if text == "binomial" {
+            return Ok(Self(None));
+        }
+        let value = text.parse::<f32>().ok().filter(|value| range.contains(value));
+        value
+            .map(|value| Self(Some(value)))
+            .ok_or_else(|| format!("binomial, or a number in {}..{}", range.start(), range.end()))
+    }
+    fn show(&self) -> String {
+        self.0.map_or_else(|| "binomial".into(), |value| value.to_string())
+    }
+    fn kind(range: &Self::Range) -> crate::settings::Kind {
+        crate::settings::Kind::WordOrNumber("binomial", *range.start(), *range.end())
     }
 }
 
 settings! {
     /// Shadows.
     pub struct ShadowSettings: "shadow" {
-        /// Maps of suns and spots; none lights everything.
-        layout: Layout = Layout::Single, "", (), Resources;
-        /// Side of each shadow map. More sharpens shadows and costs 4 bytes a texel and raster time.
-        resolution: u32 = 2048, "texels", 16..=8192, Resources;
-        /// How a map is compared: none shows texels, pcf averages comparisons.
+        /// Maps of suns: cascades, one map, or no shadows of any light at all. Spots have one map, points what
+        /// shadow.point_layout says.
+        layout: Layout = Layout::Cascaded, "", (), Resources;
+        /// Maps of point lights.
+        point_layout: PointLayout = PointLayout::Cube, "", (), Permutation;
+        /// What maps hold: depth, or moments of depth that can be blurred and mipmapped.
+        representation: Representation = Representation::Depth, "", (), Permutation;
+        /// How a map is filtered. Depth takes none, pcf and pcss; all others none, gaussian, mip and gaussian-mip.
         filter: Filter = Filter::Pcf, "", (), Permutation;
+        /// Side of each shadow map. More sharpens shadows and costs 4 bytes a texel (and 4 a channel of moments) and raster
+        /// time.
+        resolution: u32 = 2048, "texels", 16..=8192, Resources;
+        /// Maps of a sun with shadow.layout = cascaded. More sharpens near shadows and costs a map each.
+        cascades: u32 = 4, "maps", 1..=8, Resources;
+        /// Where cascades part: 0 evenly along the view, 1 by equal ratios of distance (Zhang et al. 2006, eq. 5).
+        split_lambda: f32 = 0.75, "", 0.0..=1.0, Uniform;
+        /// What cascades are fitted to: the camera's view, or what is in the picture.
+        fit: Fit = Fit::Frustum, "", (), Permutation;
+        /// Share of a cascade over which it fades into the next.
+        blend: f32 = 0.1, "of a cascade", 0.0..=1.0, Uniform;
+        /// Which cascade a point is looked up in.
+        cascade_select: CascadeSelect = CascadeSelect::Projection, "", (), Permutation;
         /// Texels across the percentage-closer kernel. Wider is softer and costs taps.
         pcf_kernel: PcfKernel = PcfKernel::Three, "texels", (), Permutation;
+        /// Reach of the Gaussian blur and of the disc kernel. Wider is softer.
+        filter_radius: f32 = 2.0, "texels", 0.0..=32.0, Uniform;
+        /// Weights of the blur: binomial, or a Gaussian of this standard deviation in texels.
+        sigma: Sigma = Sigma(None), "texels", 0.1..=32.0, Uniform;
+        /// How large lights are, for pcss: across a sun in radians (ours is 0.0093), across other lights in metres.
+        light_size: f32 = 0.02, "rad or m", 0.0..=10.0, Uniform;
+        /// Steepness c of the exponential map's e^(c·depth). Steeper leaks less; 32-bit floats end at 88.
+        exponent: f32 = 80.0, "", 1.0..=85.0, Uniform;
+        /// Steepness of the positive warp of evsm2 and evsm4.
+        evsm_positive: f32 = 40.0, "", 1.0..=42.0, Uniform;
+        /// Steepness of the negative warp of evsm4.
+        evsm_negative: f32 = 20.0, "", 1.0..=42.0, Uniform;
+        /// Whether the exponential map is averaged over 2×2 texels as it is made.
+        prefilter: bool = false, "", (), Uniform;
+        /// Visibility of moment maps below this is dark, and the rest stretched: cuts light that bleeds through.
+        bleed_reduction: f32 = 0.2, "", 0.0..=0.99, Uniform;
+        /// Most samples along a slanted pixel footprint, for mipmapped moment maps.
+        anisotropy: u32 = 8, "samples", 1..=16, Uniform;
+        /// Whether glass tints the light it lets through instead of casting a full shadow: an approximation without
+        /// refraction, for scenes without caustics.
+        transmission_tint: bool = false, "", (), Permutation;
+        /// Light that reaches what lies in shadow, as a share: 0 is physical.
+        floor: f32 = 0.0, "", 0.0..=1.0, Uniform;
         /// All maps together take at most this much; beyond it the resolution is halved, and said.
-        memory_budget: u32 = 512, "MiB", 1..=65536, Resources;
+        memory_budget: u32 = 1024, "MiB", 1..=65536, Resources;
         /// Whether maps whose light, camera and casters rest are kept from frame to frame. Off renders all of them every
         /// frame, as for lights that move.
         cache: bool = true, "", (), Uniform;
@@ -78,7 +238,56 @@ settings! {
         bias_slope as "bias.slope": f32 = 0.0, "of what is needed", 0.0..=8.0, Uniform;
         /// Receiver offset towards the light, in texels of the map at the receiver.
         bias_constant as "bias.constant": f32 = 0.25, "texels", 0.0..=64.0, Uniform;
+        /// What rasters the maps: the hardware, or compute on GPUs that have little raster hardware.
+        raster: Raster = Raster::Auto, "", (), Permutation;
         /// Whether only back faces cast: no acne on closed objects, but light leaks at their feet.
         bias_cull_front as "bias.cull_front": bool = false, "", (), Permutation;
+    }
+}
+
+impl ShadowSettings {
+    /// Whether the maps are rastered in compute, and hold plain numbers.
+    pub fn computes_maps(&self) -> bool {
+        self.raster == Raster::Compute && self.point_layout != PointLayout::Paraboloid
+    }
+
+    /// Why these settings do not go together, if they do not.
+    pub fn refused(&self) -> Option<String> {
+        if self.layout == Layout::None {
+            return None;
+        }
+        let pair = (self.representation, self.filter);
+        let (key, value) = ("shadow.filter", crate::settings::Value::show(&self.filter));
+        let representation = crate::settings::Value::show(&self.representation);
+        refused_pair(pair)
+            .map(|reason| format!("{key} = {value} does not go with shadow.representation = {representation}: {reason}"))
+            .or_else(|| {
+                (self.fit == Fit::Depth && self.layout == Layout::Single).then(|| {
+                    "shadow.fit = depth does not go with shadow.layout = single: take shadow.layout = cascaded with \
+                     shadow.cascades = 1"
+                        .into()
+                })
+            })
+    }
+}
+
+/// The table of representations and filters: why a pair is refused, or nothing.
+fn refused_pair((representation, filter): (Representation, Filter)) -> Option<&'static str> {
+    let depth = representation == Representation::Depth;
+    match filter {
+        Filter::None => None,
+        Filter::Pcf if depth => None,
+        Filter::Pcf => {
+            Some("comparisons are averaged for depth; maps of moments take gaussian, mip or gaussian-mip")
+        }
+        Filter::Pcss if depth => None,
+        Filter::Pcss => {
+            Some("the search for blockers needs their depths; take shadow.representation = depth")
+        }
+        Filter::Gaussian | Filter::Mip | Filter::GaussianMip if depth => Some(
+            "an average of depths is no depth of anything; take pcf or pcss, or a representation of moments \
+             (variance, exponential, evsm2, evsm4, moments)",
+        ),
+        Filter::Gaussian | Filter::Mip | Filter::GaussianMip => None,
     }
 }

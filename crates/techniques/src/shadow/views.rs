@@ -1,24 +1,27 @@
-//! Fitting shadow views to lights.
+//! Shadow views of all lights: which maps there are, and what each looks at.
 
-use glam::{Mat4, Quat, Vec2, Vec3, Vec4};
+use glam::{Mat4, Vec2, Vec3, Vec4};
 
-use super::{Filter, Layout, ShadowSettings};
+use super::project::{corners, light_axes, reversed_perspective};
+use super::{Filter, Layout, PointLayout, ShadowSettings, cascades, single};
 use crate::shared::frame::{LightData, ShadowViewData};
 
-/// A spot's map covers at most this angle from side to side.
+/// A perspective map covers at most this angle from side to side; wider cones take a point light's layout.
 const MAX_SPOT_ANGLE_RAD: f32 = 160.0 * std::f32::consts::PI / 180.0;
-/// Texels of a spot's map beyond its cone, so that the filter has something to read at the edge.
-const MARGIN_TEXELS: f32 = 4.0;
 /// A WebGPU texture array has at most so many layers.
 const MAX_VIEWS: usize = 256;
-/// A spot's near plane as a share of the scene's extent. Reversed float depth keeps its precision whatever it is.
+/// A local light's near plane as a share of the scene's extent. Reversed float depth keeps its precision whatever it is.
 const NEAR_SHARE: f32 = 1e-4;
+/// Penumbras of pcss reach at most so far, as a share of the map.
+pub(super) const MAX_PENUMBRA: f32 = 0.04;
 
 /// What the camera sees, for fitting suns' maps to it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraView {
     /// World position.
     pub eye_ws: Vec3,
+    /// Unit, where it looks.
+    pub forward_ws: Vec3,
     /// From unjittered reversed clip space to world space.
     pub ws_from_clip: Mat4,
 }
@@ -26,7 +29,7 @@ pub struct CameraView {
 /// A shadow view on the CPU.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadowView {
-    /// Reversed depth.
+    /// Reversed depth; of a paraboloid, to the light's axes.
     pub clip_from_ws: Mat4,
     /// The light's position with w = 1, or its direction with w = 0.
     pub eye_ws: Vec4,
@@ -36,42 +39,96 @@ pub struct ShadowView {
     pub data: ShadowViewData,
 }
 
-/// Gives every light its shadow view, and writes into the lights which. Sentences say what was given up.
-pub fn fit(
-    lights: &mut [LightData],
-    bounds_ws: (Vec3, Vec3),
-    camera: &CameraView,
-    settings: &ShadowSettings,
-) -> (Vec<ShadowView>, Vec<String>) {
+/// All views of a frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ShadowViews {
+    /// In the order of their layers.
+    pub views: Vec<ShadowView>,
+    /// Suns whose cascades are fitted on the GPU, and what to.
+    pub fitted: Vec<cascades::SunFit>,
+    /// Sentences about what was given up.
+    pub notes: Vec<String>,
+}
+
+/// What views are fitted to.
+#[derive(Clone, Copy, Debug)]
+pub struct FitInputs<'a> {
+    /// The scene, casters and receivers.
+    pub bounds_ws: (Vec3, Vec3),
+    /// Who looks.
+    pub camera: CameraView,
+    /// How.
+    pub settings: &'a ShadowSettings,
+    /// Whether casters before a map's near plane are drawn onto it.
+    pub clamps_depth: bool,
+    /// Whether something see-through may stand before what the depth buffer shows.
+    pub see_through: bool,
+}
+
+/// Gives every light its shadow views, and writes into the lights which.
+pub fn fit(lights: &mut [LightData], inputs: &FitInputs<'_>) -> ShadowViews {
     for light in lights.iter_mut() {
         (light.first_view, light.view_count) = (LightData::NO_VIEW, 0);
     }
-    let mut notes = Vec::new();
+    let mut out = ShadowViews::default();
+    let settings = inputs.settings;
     if settings.layout == Layout::None {
-        return (Vec::new(), notes);
+        return out;
     }
-    let casts = |light: &LightData| light.kind != LightData::POINT && light.intensity != [0.0; 3];
-    let wanted = lights.iter().filter(|light| casts(light)).count();
-    if wanted > MAX_VIEWS {
-        notes.push(format!("{wanted} lights cast shadows, but only the first {MAX_VIEWS} have a map"));
+    let mut total = 0;
+    let mut casting = Vec::new();
+    let dark = lights.iter().position(|light| {
+        let views = views_of(light, settings);
+        let fits = total + views <= MAX_VIEWS;
+        if fits {
+            total += views;
+            casting.push(views);
+        }
+        !fits
+    });
+    if let Some(dark) = dark {
+        out.notes.push(format!(
+            "{} lights would need more than {MAX_VIEWS} shadow maps: only the first {dark} cast shadows",
+            lights.len()
+        ));
     }
-    let resolution = within_budget(settings, wanted.min(MAX_VIEWS), &mut notes);
-    let mut views = Vec::new();
-    for light in lights.iter_mut().filter(|light| casts(light)).take(MAX_VIEWS) {
-        (light.first_view, light.view_count) = (views.len() as u32, 1);
-        let layer = views.len() as u32;
-        views.push(if light.kind == LightData::SPOT {
-            spot(light, bounds_ws, resolution, layer, settings)
-        } else {
-            sun(light, bounds_ws, camera, resolution, layer, settings)
-        });
+    let resolution = within_budget(settings, total, &mut out.notes);
+    for (light, count) in lights.iter_mut().zip(casting).filter(|(_, count)| *count > 0) {
+        (light.first_view, light.view_count) = (out.views.len() as u32, count as u32);
+        let layer = out.views.len() as u32;
+        let make = Maker { inputs, resolution, border: border(settings, resolution) };
+        match (light.kind, count) {
+            (LightData::DIRECTIONAL, _) if settings.layout == Layout::Cascaded => {
+                cascades::fit(light, &make, layer, &mut out);
+            }
+            (LightData::DIRECTIONAL, _) => out.views.push(single::fit(light, &make, layer)),
+            (_, 1) => out.views.push(spot(light, &make, layer)),
+            (_, 2) => out.views.extend(paraboloids(light, &make, layer)),
+            _ => out.views.extend(cube(light, &make, layer)),
+        }
     }
-    (views, notes)
+    out
+}
+
+fn views_of(light: &LightData, settings: &ShadowSettings) -> usize {
+    if light.intensity == [0.0; 3] {
+        return 0;
+    }
+    match light.kind {
+        LightData::DIRECTIONAL if settings.layout == Layout::Cascaded => settings.cascades as usize,
+        LightData::DIRECTIONAL => 1,
+        LightData::SPOT if 2.0 * light.cone_rad <= MAX_SPOT_ANGLE_RAD => 1,
+        _ => match settings.point_layout {
+            PointLayout::Cube => 6,
+            PointLayout::Paraboloid => 2,
+        },
+    }
 }
 
 fn within_budget(settings: &ShadowSettings, views: usize, notes: &mut Vec<String>) -> u32 {
     let budget = u64::from(settings.memory_budget) << 20;
-    let bytes = |side: u32| 4 * u64::from(side) * u64::from(side) * views as u64;
+    let bytes =
+        |side: u32| u64::from(settings.texel_bytes()) * u64::from(side) * u64::from(side) * views as u64;
     let mut side = settings.resolution;
     while bytes(side) > budget && side > 16 {
         side /= 2;
@@ -85,297 +142,115 @@ fn within_budget(settings: &ShadowSettings, views: usize, notes: &mut Vec<String
     side
 }
 
-fn data(clip_from_ws: &Mat4, settings: &ShadowSettings, resolution: u32, layer: u32) -> ShadowViewData {
-    ShadowViewData {
-        clip_from_ws: clip_from_ws.to_cols_array_2d(),
-        rect: [1.0, 1.0, 0.0, 0.0],
-        layer,
-        perspective: 0,
-        texel_m: 0.0,
-        // One unfiltered test is off by up to half a texel, as much as the bilinear kernel's half reach.
-        normal_offset: settings.bias_normal_offset * if settings.filter == Filter::None { 1.5 } else { 1.0 },
-        constant_bias: settings.bias_constant,
-        slope_bias: settings.bias_slope,
-        near_m: 0.0,
-        far_m: 0.0,
-        eye_ws: [0.0; 3],
-        resolution: resolution as f32,
+/// Texels at a map's edge that filters read beyond what is looked up there.
+fn border(settings: &ShadowSettings, resolution: u32) -> f32 {
+    let reach = match settings.filter {
+        Filter::None => 0.0,
+        Filter::Pcf if settings.pcf_kernel.texels() == 0 => settings.filter_radius,
+        Filter::Pcf => 0.5 * settings.pcf_kernel.texels() as f32,
+        Filter::Pcss => MAX_PENUMBRA * resolution as f32,
+        Filter::Gaussian | Filter::GaussianMip => settings.filter_radius.ceil(),
+        Filter::Mip => 2.0,
+    };
+    // The receiver's offset along its normal, and bilinear neighbours.
+    (reach + 2.0).min(0.2 * resolution as f32)
+}
+
+/// What all views are made with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Maker<'a> {
+    pub inputs: &'a FitInputs<'a>,
+    pub resolution: u32,
+    /// Texels.
+    pub border: f32,
+}
+
+impl Maker<'_> {
+    /// Half the side of a map that holds `half` within its border.
+    pub fn with_border(&self, half: f32) -> f32 {
+        half / (1.0 - 2.0 * self.border / self.resolution as f32)
     }
-}
 
-fn corners((lo, hi): (Vec3, Vec3)) -> [Vec3; 8] {
-    std::array::from_fn(|i| {
-        let pick = |bit: usize, lo: f32, hi: f32| if i >> bit & 1 == 0 { lo } else { hi };
-        Vec3::new(pick(0, lo.x, hi.x), pick(1, lo.y, hi.y), pick(2, lo.z, hi.z))
-    })
-}
-
-/// World axes → the light's, which looks along −Z.
-fn light_axes(direction: Vec3) -> Quat {
-    let x = direction.any_orthonormal_vector();
-    let y = (-direction).cross(x);
-    Quat::from_mat3(&glam::Mat3::from_cols(x, y, -direction)).conjugate()
-}
-
-fn spot(
-    light: &LightData,
-    bounds: (Vec3, Vec3),
-    resolution: u32,
-    layer: u32,
-    settings: &ShadowSettings,
-) -> ShadowView {
-    let eye = Vec3::from(light.position_ws);
-    let angle = (2.0 * light.cone_rad).min(MAX_SPOT_ANGLE_RAD);
-    let half = (0.5 * angle).tan() * (1.0 + 2.0 * MARGIN_TEXELS / resolution as f32);
-    let reach = corners(bounds).into_iter().map(|corner| corner.distance(eye)).fold(0.0, f32::max);
-    let near = (NEAR_SHARE * (bounds.1 - bounds.0).length()).max(1e-6);
-    let far = (1.01 * reach).max(2.0 * near);
-    let ls_from_ws = Mat4::from_quat(light_axes(light.direction_ws.into())) * Mat4::from_translation(-eye);
-    let clip_from_ws = reversed_perspective(Vec2::splat(half), near, far) * ls_from_ws;
-    let view = ShadowViewData {
-        perspective: 1,
-        texel_m: 2.0 * half / resolution as f32,
-        near_m: near,
-        far_m: far,
-        eye_ws: light.position_ws,
-        ..data(&clip_from_ws, settings, resolution, layer)
-    };
-    ShadowView { clip_from_ws, eye_ws: eye.extend(1.0), resolution, data: view }
-}
-
-fn sun(
-    light: &LightData,
-    bounds: (Vec3, Vec3),
-    camera: &CameraView,
-    resolution: u32,
-    layer: u32,
-    settings: &ShadowSettings,
-) -> ShadowView {
-    let direction = Vec3::from(light.direction_ws);
-    let axes = light_axes(direction);
-    let box_of = |points: &[Vec3]| {
-        points.iter().map(|&p| axes * p).fold((Vec3::MAX, Vec3::MIN), |(lo, hi), p| (lo.min(p), hi.max(p)))
-    };
-    let scene = box_of(&corners(bounds));
-    let seen = box_of(&seen_by(camera, bounds));
-    // A camera that looks past the scene sees no receiver: any rectangle will do.
-    let (mut lo, mut hi) = (seen.0.truncate(), seen.1.truncate());
-    if lo.cmpge(hi).any() {
-        (lo, hi) = (scene.0.truncate(), scene.1.truncate());
-    }
-    let (lo, size) = snapped(lo, hi, resolution);
-    let center = lo + 0.5 * size;
-    // All casters between the sun and the receivers: the whole scene along the light.
-    let (near, far) = (-scene.1.z, -scene.0.z);
-    let slack = 1e-3 * (far - near).max(1e-3);
-    let (near, far) = (near - slack, far + slack);
-    let clip_from_ls =
-        reversed_orthographic(0.5 * size, near, far) * Mat4::from_translation((-center).extend(0.0));
-    let clip_from_ws = clip_from_ls * Mat4::from_quat(axes);
-    let view = ShadowViewData {
-        texel_m: size.max_element() / resolution as f32,
-        near_m: near,
-        far_m: far,
-        ..data(&clip_from_ws, settings, resolution, layer)
-    };
-    ShadowView { clip_from_ws, eye_ws: direction.extend(0.0), resolution, data: view }
-}
-
-/// Vertices of the part of the scene's box that the camera sees; empty when it looks past it.
-///
-/// Every vertex of the intersection of two convex bodies lies on a face of one of them: each body's faces are clipped
-/// by the other's planes (Sutherland & Hodgman 1974).
-fn seen_by(camera: &CameraView, bounds: (Vec3, Vec3)) -> Vec<Vec3> {
-    let reach = corners(bounds).into_iter().map(|c| c.distance(camera.eye_ws)).fold(0.0, f32::max);
-    let ends = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
-        // Two points of the pixel's ray, whatever the projection.
-        let near = camera.ws_from_clip.project_point3(Vec3::new(x, y, 1.0));
-        let further = camera.ws_from_clip.project_point3(Vec3::new(x, y, 0.5));
-        // A ray slanted from the axis must reach as deep as the axis itself.
-        (near, near + (further - near).normalize_or_zero() * (2.0 * reach))
-    });
-    let view: Vec<Vec<Vec3>> = (0..4)
-        .map(|i| (ends[i], ends[(i + 1) % 4]))
-        .map(|((near, far), (next_near, next_far))| vec![near, next_near, next_far, far])
-        .chain([ends.map(|(near, _)| near).to_vec()])
-        .collect();
-    let c = corners(bounds);
-    let faces = [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]];
-    let scene: Vec<Vec<Vec3>> = faces.map(|face| face.map(|i| c[i]).to_vec()).to_vec();
-    let view_middle = ends.iter().map(|(near, far)| near + far).sum::<Vec3>() / 8.0;
-    let scene_planes = planes(&scene, 0.5 * (bounds.0 + bounds.1));
-    let view_planes = planes(&view, view_middle);
-    let clipped = |faces: &[Vec<Vec3>], planes: &[Vec4]| -> Vec<Vec3> {
-        faces
-            .iter()
-            .flat_map(|face| planes.iter().fold(face.clone(), |face, plane| clip(&face, *plane)))
-            .collect()
-    };
-    [clipped(&scene, &view_planes), clipped(&view, &scene_planes)].concat()
-}
-
-/// Planes of convex faces, positive towards `inside`. A face without area bounds nothing.
-fn planes(faces: &[Vec<Vec3>], inside: Vec3) -> Vec<Vec4> {
-    let plane = |face: &Vec<Vec3>| {
-        let normal = (face[1] - face[0]).cross(face[2] - face[1]).try_normalize();
-        // A pyramid's near side may be a point, whose neighbours still span the plane.
-        let normal = normal.or_else(|| (face[2] - face[1]).cross(face[3] - face[2]).try_normalize())?;
-        let plane = normal.extend(-normal.dot(face[2]));
-        Some(if plane.dot(inside.extend(1.0)) < 0.0 { -plane } else { plane })
-    };
-    faces.iter().filter_map(plane).collect()
-}
-
-/// The part of a convex polygon on a plane's positive side.
-fn clip(polygon: &[Vec3], plane: Vec4) -> Vec<Vec3> {
-    let height = |p: Vec3| plane.dot(p.extend(1.0));
-    let mut kept = Vec::with_capacity(polygon.len() + 1);
-    for (i, &p) in polygon.iter().enumerate() {
-        let q = polygon[(i + 1) % polygon.len()];
-        let (hp, hq) = (height(p), height(q));
-        if hp >= 0.0 {
-            kept.push(p);
-        }
-        if (hp >= 0.0) != (hq >= 0.0) {
-            kept.push(p + (q - p) * (hp / (hp - hq)));
-        }
-    }
-    kept
-}
-
-/// The rectangle on a grid of its own texels and in steps of its size, so that a small move of the camera moves the
-/// map by whole texels and edges do not swim.
-fn snapped(lo: Vec2, hi: Vec2, resolution: u32) -> (Vec2, Vec2) {
-    let step = |length: f32| {
-        // Sizes in quarter octaves, with two texels to spare for the snap.
-        let wanted = length.max(1e-4) * (1.0 + 2.0 / resolution as f32);
-        (0.25 * (4.0 * wanted.log2()).ceil()).exp2()
-    };
-    let size = Vec2::new(step(hi.x - lo.x), step(hi.y - lo.y));
-    let texel = size / resolution as f32;
-    let center = 0.5 * (lo + hi);
-    let corner = ((center - 0.5 * size) / texel).round() * texel;
-    (corner, size)
-}
-
-/// Looks along −Z; half extents at one metre; near = 1, far = 0.
-fn reversed_perspective(half: Vec2, near: f32, far: f32) -> Mat4 {
-    let a = near / (far - near);
-    Mat4::from_cols(
-        Vec4::new(1.0 / half.x, 0.0, 0.0, 0.0),
-        Vec4::new(0.0, 1.0 / half.y, 0.0, 0.0),
-        Vec4::new(0.0, 0.0, a, -1.0),
-        Vec4::new(0.0, 0.0, a * far, 0.0),
-    )
-}
-
-/// Looks along −Z; half extents in metres; near = 1, far = 0.
-fn reversed_orthographic(half: Vec2, near: f32, far: f32) -> Mat4 {
-    let a = 1.0 / (far - near);
-    Mat4::from_cols(
-        Vec4::new(1.0 / half.x, 0.0, 0.0, 0.0),
-        Vec4::new(0.0, 1.0 / half.y, 0.0, 0.0),
-        Vec4::new(0.0, 0.0, a, 0.0),
-        Vec4::new(0.0, 0.0, a * far, 1.0),
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn light(kind: u32, direction: Vec3) -> LightData {
-        LightData {
-            position_ws: [0.0, 5.0, 0.0],
-            kind,
-            direction_ws: direction.normalize().to_array(),
-            inverse_range_squared: 0.0,
-            intensity: [1.0; 3],
-            first_view: 0,
-            cone_scale: 1.0,
-            cone_offset: 0.0,
-            view_count: 0,
-            cone_rad: 0.5,
+    pub fn data(&self, clip_from_ws: &Mat4, layer: u32) -> ShadowViewData {
+        let settings = self.inputs.settings;
+        ShadowViewData {
+            clip_from_ws: clip_from_ws.to_cols_array_2d(),
+            rect: [1.0, 1.0, 0.0, 0.0],
+            layer,
+            projection: ShadowViewData::PARALLEL,
+            texel_m: 0.0,
+            // One unfiltered test is off by up to half a texel, as much as the bilinear kernel's half reach.
+            normal_offset: settings.bias_normal_offset
+                * if settings.filter == Filter::None { 1.5 } else { 1.0 },
+            constant_bias: settings.bias_constant,
+            slope_bias: settings.bias_slope,
+            near_m: 0.0,
+            far_m: 0.0,
+            eye_ws: [0.0; 3],
+            resolution: self.resolution as f32,
+            begin_m: 0.0,
+            end_m: f32::MAX,
+            border: self.border,
+            reserved: 0,
         }
     }
 
-    fn camera() -> CameraView {
-        let view = Mat4::from_translation(Vec3::new(0.0, -1.0, -10.0));
-        let projection = reversed_perspective(Vec2::splat(0.6), 0.1, 1000.0);
-        CameraView { eye_ws: Vec3::new(0.0, 1.0, 10.0), ws_from_clip: (projection * view).inverse() }
+    /// Near and far distance of a local light.
+    fn range(&self, eye: Vec3) -> (f32, f32) {
+        let bounds = self.inputs.bounds_ws;
+        let reach = corners(bounds).into_iter().map(|corner| corner.distance(eye)).fold(0.0, f32::max);
+        let near = (NEAR_SHARE * (bounds.1 - bounds.0).length()).max(1e-6);
+        (near, (1.01 * reach).max(2.0 * near))
     }
 
-    const BOUNDS: (Vec3, Vec3) = (Vec3::new(-3.0, 0.0, -3.0), Vec3::new(3.0, 4.0, 3.0));
-
-    #[test]
-    fn a_suns_map_holds_every_visible_corner_with_reversed_depth() {
-        let mut lights = [light(LightData::DIRECTIONAL, Vec3::new(0.3, -1.0, 0.2))];
-        let (views, notes) = fit(&mut lights, BOUNDS, &camera(), &ShadowSettings::default());
-        assert!(notes.is_empty());
-        assert_eq!(lights[0].first_view, 0);
-        for corner in corners(BOUNDS) {
-            let p = views[0].clip_from_ws.project_point3(corner);
-            assert!(p.x.abs() <= 1.0 && p.y.abs() <= 1.0 && (0.0..=1.0).contains(&p.z), "{corner} at {p}");
-        }
-        let toward_sun = views[0].clip_from_ws.project_point3(Vec3::new(0.0, 4.0, 0.0)).z;
-        assert!(toward_sun > views[0].clip_from_ws.project_point3(Vec3::ZERO).z);
-    }
-
-    #[test]
-    fn a_suns_map_is_no_larger_than_what_the_camera_sees_of_the_scene() {
-        // From 20 m above, 0.2 rad to each side, a floor of 200 m shows 8 m; the map may round that up by a quarter octave.
-        let floor = (Vec3::new(-100.0, -0.1, -100.0), Vec3::new(100.0, 0.0, 100.0));
-        let projection = reversed_perspective(Vec2::splat(0.2), 0.1, 1000.0);
-        let eye = Vec3::new(0.0, 20.0, 0.0);
-        let down = Mat4::from_rotation_x(std::f32::consts::FRAC_PI_2) * Mat4::from_translation(-eye);
-        let camera = CameraView { eye_ws: eye, ws_from_clip: (projection * down).inverse() };
-        let sun = light(LightData::DIRECTIONAL, Vec3::new(0.8, -0.6, 0.0));
-        let settings = ShadowSettings::default();
-        let (views, _) = fit(&mut [sun], floor, &camera, &settings);
-        let side_m = views[0].data.texel_m * settings.resolution as f32;
-        assert!((8.0..10.0).contains(&side_m), "{side_m}");
-    }
-
-    #[test]
-    fn a_spots_map_covers_its_cone_and_no_more_than_a_margin() {
-        let mut lights = [light(LightData::SPOT, Vec3::NEG_Y)];
-        let (views, _) = fit(&mut lights, BOUNDS, &camera(), &ShadowSettings::default());
-        let rim = Vec3::new(5.0 * 0.5f32.tan(), 0.0, 0.0);
-        let p = views[0].clip_from_ws.project_point3(rim);
-        let radius = p.truncate().length();
-        assert!(radius < 1.0 && radius > 0.99, "{radius}");
-    }
-
-    #[test]
-    fn a_sun_fitted_to_a_moving_camera_moves_by_whole_texels() {
-        let sun = light(LightData::DIRECTIONAL, Vec3::new(0.3, -1.0, 0.2));
-        let settings = ShadowSettings::default();
-        let wide = (Vec3::new(-500.0, 0.0, -500.0), Vec3::new(500.0, 10.0, 500.0));
-        let texel_of = |shift: f32| {
-            let projection = reversed_perspective(Vec2::splat(0.6), 0.1, 1000.0);
-            let view = Mat4::from_translation(Vec3::new(-shift, -1.0, -10.0));
-            let camera = CameraView {
-                eye_ws: Vec3::new(shift, 1.0, 10.0),
-                ws_from_clip: (projection * view).inverse(),
-            };
-            let (views, _) = fit(&mut [sun], wide, &camera, &settings);
-            let p = views[0].clip_from_ws.project_point3(Vec3::new(1.0, 0.0, -7.0)).truncate();
-            (views[0].data.texel_m, p * 0.5 * settings.resolution as f32)
+    fn perspective(&self, eye: Vec3, direction: Vec3, half: f32, layer: u32) -> ShadowView {
+        let half = self.with_border(half);
+        let (near, far) = self.range(eye);
+        let ls_from_ws = Mat4::from_quat(light_axes(direction)) * Mat4::from_translation(-eye);
+        let clip_from_ws = reversed_perspective(Vec2::splat(half), near, far) * ls_from_ws;
+        let data = ShadowViewData {
+            projection: ShadowViewData::PERSPECTIVE,
+            texel_m: 2.0 * half / self.resolution as f32,
+            near_m: near,
+            far_m: far,
+            eye_ws: eye.to_array(),
+            ..self.data(&clip_from_ws, layer)
         };
-        let (size, at) = texel_of(0.0);
-        for shift in [0.013, 0.21, 0.4] {
-            let (same, moved) = texel_of(shift);
-            assert_eq!(size, same);
-            let off = (moved - at - (moved - at).round()).abs().max_element();
-            assert!(off < 0.02, "moved by {} texels", moved - at);
-        }
+        ShadowView { clip_from_ws, eye_ws: eye.extend(1.0), resolution: self.resolution, data }
     }
+}
 
-    #[test]
-    fn too_many_maps_are_made_smaller_and_said() {
-        let mut lights = [light(LightData::SPOT, Vec3::NEG_Y); 40];
-        let (views, notes) = fit(&mut lights, BOUNDS, &camera(), &ShadowSettings::default());
-        assert_eq!(views[39].resolution, 1024);
-        assert_eq!(notes.len(), 1);
-    }
+fn spot(light: &LightData, make: &Maker<'_>, layer: u32) -> ShadowView {
+    make.perspective(light.position_ws.into(), light.direction_ws.into(), light.cone_rad.tan(), layer)
+}
+
+/// Faces +X, −X, +Y, −Y, +Z, −Z: the order of `cube_face` in lookup.wesl.
+fn cube<'a>(light: &'a LightData, make: &'a Maker<'_>, layer: u32) -> impl Iterator<Item = ShadowView> + 'a {
+    let faces = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
+    (layer..).zip(faces).map(|(layer, face)| make.perspective(light.position_ws.into(), face, 1.0, layer))
+}
+
+/// The hemispheres about −Y and +Y.
+fn paraboloids<'a>(
+    light: &'a LightData,
+    make: &'a Maker<'_>,
+    layer: u32,
+) -> impl Iterator<Item = ShadowView> + 'a {
+    let eye = Vec3::from(light.position_ws);
+    (layer..).zip([Vec3::NEG_Y, Vec3::Y]).map(move |(layer, axis)| {
+        let (near, far) = make.range(eye);
+        // Light axes look along −Z; the paraboloid looks along +Z, mirrored so that it stays right-handed.
+        let about_z = Mat4::from_scale(Vec3::new(-1.0, 1.0, -1.0)) * Mat4::from_quat(light_axes(axis));
+        let clip_from_ws = about_z * Mat4::from_translation(-eye);
+        let data = ShadowViewData {
+            projection: ShadowViewData::PARABOLOID,
+            // In the middle, where a texel is largest: stereographic projection halves angles there.
+            texel_m: 4.0 * make.with_border(1.0) / make.resolution as f32,
+            near_m: near,
+            far_m: far,
+            eye_ws: eye.to_array(),
+            ..make.data(&clip_from_ws, layer)
+        };
+        ShadowView { clip_from_ws, eye_ws: eye.extend(1.0), resolution: make.resolution, data }
+    })
 }

@@ -36,6 +36,22 @@ pub struct FrameData {
     pub environment_turn: [f32; 2],
     pub show_direct: f32,
     pub show_indirect: f32,
+    pub shadow: ShadowParameters,
+}
+
+/// What all shadow views share; see `frame.wesl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct ShadowParameters {
+    pub floor: f32,
+    pub blend: f32,
+    pub filter_radius: f32,
+    pub light_size: f32,
+    pub bleed_reduction: f32,
+    pub positive_exponent: f32,
+    pub negative_exponent: f32,
+    pub anisotropy: f32,
 }
 
 /// A light as shaders see it; see `frame.wesl`.
@@ -74,7 +90,7 @@ pub struct ShadowViewData {
     pub clip_from_ws: [[f32; 4]; 4],
     pub rect: [f32; 4],
     pub layer: u32,
-    pub perspective: u32,
+    pub projection: u32,
     pub texel_m: f32,
     pub normal_offset: f32,
     pub constant_bias: f32,
@@ -83,6 +99,19 @@ pub struct ShadowViewData {
     pub far_m: f32,
     pub eye_ws: [f32; 3],
     pub resolution: f32,
+    pub begin_m: f32,
+    pub end_m: f32,
+    pub border: f32,
+    pub reserved: u32,
+}
+
+impl ShadowViewData {
+    /// `projection` of a sun's view.
+    pub const PARALLEL: u32 = 0;
+    /// `projection` of a spot's view and of a cube's face.
+    pub const PERSPECTIVE: u32 = 1;
+    /// `projection` of a hemisphere.
+    pub const PARABOLOID: u32 = 2;
 }
 
 /// Group 0's buffers. Light and shadow view buffers grow, and never shrink.

@@ -54,6 +54,13 @@ impl CullView {
         Self { planes, eye_ws: eye_ws.to_array(), flags: [u32::from(drop_back_faces), 0, 0, 0] }
     }
 
+    /// A view of all on a plane's positive side.
+    pub fn of_plane(plane: Vec4, eye_ws: Vec4) -> Self {
+        let mut planes = [[0.0, 0.0, 0.0, 1.0]; 6];
+        planes[0] = (plane / plane.xyz().length().max(1e-12)).to_array();
+        Self { planes, eye_ws: eye_ws.to_array(), flags: [0; 4] }
+    }
+
     /// Whether a sphere may be seen; twin of the shader's test.
     pub fn sees(&self, center: Vec3, radius: f32) -> bool {
         self.planes.iter().all(|&[x, y, z, w]| Vec3::new(x, y, z).dot(center) + w > -radius)
@@ -67,6 +74,17 @@ pub(crate) struct CullClasses {
     pub(crate) item_count: u32,
     pub(crate) list_stride: u32,
     _pad: [u32; 2],
+}
+
+/// A view that the GPU made, to be culled for in the place of one given to [`Culling::record`].
+#[derive(Clone, Copy, Debug)]
+pub struct Over<'a> {
+    /// [`CullView`]s.
+    pub views: &'a Buffer,
+    /// Which of them.
+    pub from: usize,
+    /// The view whose place it takes.
+    pub to: usize,
 }
 
 #[repr(C)]
@@ -185,6 +203,7 @@ impl Culling {
         names: [&'static str; 3],
         scene: &SceneGpu,
         views: &[CullView],
+        over: &[Over<'_>],
     ) -> DrawLists {
         let buffers = self.buffers.as_ref().filter(|b| b.view_capacity >= views.len());
         let Some(buffers) = buffers else {
@@ -196,6 +215,11 @@ impl Culling {
         };
         all.views[..views.len()].copy_from_slice(views);
         frame.upload(&buffers.views, &[all]);
+        let each = size_of::<CullView>() as u64;
+        for Over { views, from, to } in over {
+            let to = size_of::<[u32; 4]>() as u64 + *to as u64 * each;
+            frame.copy((views, *from as u64 * each), (&buffers.views, to), each);
+        }
         let classes = CullClasses {
             first: scene.class_first,
             item_count: scene.item_count,

@@ -35,7 +35,7 @@ use culling::{CullView, Culling, DrawLists, draw_classes};
 
 use crate::shaders::{self, Layer};
 
-/// What [`Surfaces::record`] writes.
+/// What [`Surfaces::record_resolve`] leaves.
 #[derive(Clone, Debug)]
 pub struct SurfaceBuffer {
     /// Depth32Float, reversed.
@@ -140,7 +140,7 @@ impl Surfaces {
     /// Culls for the camera; the forward pipeline draws from the list directly.
     pub fn cull(&self, frame: &mut Frame<'_>, scene: &SceneGpu, camera: &CullView) -> DrawLists {
         let names = ["surface/cull_count", "surface/cull_scan", "surface/cull_expand"];
-        self.culling.record(frame, names, scene, &[*camera])
+        self.culling.record(frame, names, scene, &[*camera], &[])
     }
 
     /// Depth and visibility of opaque surfaces alone; returns the depth.
@@ -179,18 +179,17 @@ impl Surfaces {
         }
     }
 
-    /// Visibility and surface buffer of opaque surfaces from the camera's draw list.
+    /// The surface buffer from this frame's visibility.
     ///
     /// # Panics
     /// When [`Surfaces::reserve`] was not called.
-    pub fn record(
+    pub fn record_resolve(
         &self,
         frame: &mut Frame<'_>,
         frame_group: &Group,
         scene: &SceneGpu,
         lists: &DrawLists,
     ) -> SurfaceBuffer {
-        self.record_visibility(frame, frame_group, scene, lists);
         let buffer = self.buffer();
         let shared = &[frame_group, scene.group()];
         let mut binds = vec![

@@ -105,7 +105,7 @@ fn a_views_draw_list_is_that_of_the_cpu_in_the_scenes_order_every_time() {
     for run in 0..2 {
         let mut recorder = Recorder::new(&gpu, false);
         let mut frame = recorder.begin();
-        let lists = culling.record(&mut frame, ["count", "scan", "expand"], &uploaded, &views);
+        let lists = culling.record(&mut frame, ["count", "scan", "expand"], &uploaded, &views, &[]);
         let [arguments, list] =
             [&lists.arguments, &lists.list].map(|buffer| words(&bench, &mut frame, buffer));
         frame.submit();
@@ -163,7 +163,8 @@ impl Surveyor<'_> {
         let mut recorder = Recorder::new(self.gpu, false);
         let mut frame = recorder.begin();
         let lists = self.surfaces.cull(&mut frame, scene, cull);
-        let buffer = self.surfaces.record(&mut frame, self.bench.frame.group(), scene, &lists);
+        self.surfaces.record_visibility(&mut frame, self.bench.frame.group(), scene, &lists);
+        let buffer = self.surfaces.record_resolve(&mut frame, self.bench.frame.group(), scene, &lists);
         let shader = ("tests/texels.cs.wesl", include_str!("wesl/texels.cs.wesl"));
         let work = (Dispatch::Threads([SIZE[0], SIZE[1], 1]), (SIZE[0] * SIZE[1]) as usize);
         let inputs = [("surface", (&buffer.surface).into())];

@@ -8,6 +8,7 @@ use chiaro_gpu::{
     Targets, Texture, TextureOptions,
 };
 use chiaro_techniques::shaders;
+use chiaro_techniques::shadow::DrawView;
 use chiaro_techniques::shadow::raster::{ComputeRaster, RasterView};
 use chiaro_techniques::shared::frame::FrameData;
 use chiaro_techniques::surface::SceneGpu;
@@ -49,7 +50,7 @@ impl<'a> Both<'a> {
         let eye = Vec4::new(0.0, 0.0, 0.0, 1.0);
         let views: Vec<_> =
             views.iter().map(|v| CullView::new(&v.clip_from_ws, eye, false, !v.clip_near)).collect();
-        self.culling.record(frame, ["count", "scan", "expand"], &self.scene, &views)
+        self.culling.record(frame, ["count", "scan", "expand"], &self.scene, &views, &[])
     }
 
     fn hardware(&mut self, view: &RasterView, resolution: u32) -> Vec<f32> {
@@ -57,8 +58,9 @@ impl<'a> Both<'a> {
         let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
         let options = TextureOptions::new(resolution, resolution, TextureFormat::Depth32Float, usage);
         let map = Texture::new(self.gpu, "map", Life::Kept, options.array(1));
-        let matrix = view.clip_from_ws.to_cols_array();
-        let matrix = Buffer::with_data(self.gpu, "draw_view", &matrix, BufferUsages::UNIFORM);
+        let clip_from_ws = view.clip_from_ws.to_cols_array_2d();
+        let draw_view = DrawView { clip_from_ws, ..bytemuck::Zeroable::zeroed() };
+        let matrix = Buffer::with_data(self.gpu, "draw_view", &[draw_view], BufferUsages::UNIFORM);
         let materials = self.scene.facts.constants();
         let pipelines = [0, 1, 2, 3].map(|class| {
             let masked = class & 2 != 0;
@@ -96,7 +98,7 @@ impl<'a> Both<'a> {
         let mut recorder = Recorder::new(self.gpu, false);
         let mut frame = recorder.begin();
         let lists = self.lists(&mut frame, views);
-        self.raster.record(&mut frame, &self.scene, &lists, views, ANISOTROPY, &maps);
+        self.raster.record(&mut frame, &self.scene, &lists, (views, &[]), ANISOTROPY, &maps);
         frame.submit();
         Readback::start(self.gpu, &maps).unwrap().wait(self.gpu).unwrap().floats()
     }
@@ -112,13 +114,21 @@ impl<'a> Both<'a> {
         let holes = hardware.iter().zip(&compute).filter(|(a, b)| (**a > 0.0) != (**b > 0.0)).count();
         let most = hardware.iter().zip(&compute).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         if std::env::var_os("DUMP").is_some() {
-            for (i, (a, b)) in hardware.iter().zip(&compute).enumerate().filter(|(_, p)| differ((p.0, p.1))).step_by(1 + found / 12) {
+            for (i, (a, b)) in hardware
+                .iter()
+                .zip(&compute)
+                .enumerate()
+                .filter(|(_, p)| differ((p.0, p.1)))
+                .step_by(1 + found / 12)
+            {
                 eprintln!("  {} {}: {a} {b} {:e}", i as u32 % resolution, i as u32 / resolution, a - b);
             }
         }
         eprintln!("{name}: {found} differ, {holes} in coverage, of {covered} covered; most {most:e}");
         assert!(covered * 20 > hardware.len(), "{name}: only {covered} texels covered");
-        if std::env::var_os("DUMP").is_some() { return; }
+        if std::env::var_os("DUMP").is_some() {
+            return;
+        }
         assert!(found as f64 <= share * covered as f64, "{name}: {found} of {covered} texels differ");
     }
 }

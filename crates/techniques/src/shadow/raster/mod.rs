@@ -16,6 +16,8 @@
 //! binding. Before the near plane casters are kept and their depth clamped to 1, or dropped, as each view says.
 //! Cost: a read and, where visible, an atomic for every texel of every triangle, and 16 bytes a texel of the map.
 
+use std::mem::offset_of;
+
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
@@ -35,6 +37,17 @@ pub struct RasterView {
     pub clip_near: bool,
     /// Layer of the target that receives it.
     pub layer: u32,
+}
+
+/// A matrix that the GPU made, in the place of [`RasterView::clip_from_ws`].
+#[derive(Clone, Copy, Debug)]
+pub struct MatrixOver<'a> {
+    /// With the usage `COPY_SRC`.
+    pub buffer: &'a Buffer,
+    /// Of the matrix, bytes.
+    pub offset: u64,
+    /// The view that takes it.
+    pub to: usize,
 }
 
 #[repr(C)]
@@ -181,7 +194,7 @@ impl ComputeRaster {
         frame: &mut Frame<'_>,
         scene: &SceneGpu,
         lists: &DrawLists,
-        views: &[RasterView],
+        (views, over): (&[RasterView], &[MatrixOver<'_>]),
         anisotropy: u32,
         target: &Texture,
     ) {
@@ -204,6 +217,10 @@ impl ComputeRaster {
             to.layer = view.layer;
         }
         frame.upload(&self.uniform, &[data]);
+        for MatrixOver { buffer, offset, to } in over {
+            let at = offset_of!(RasterData, views) + to * size_of::<RasterViewData>();
+            frame.copy((buffer, *offset), (&self.uniform, at as u64), size_of::<Mat4>() as u64);
+        }
         let binds = [
             ("raster", (&self.uniform).into()),
             ("draw_arguments", (&lists.arguments).into()),

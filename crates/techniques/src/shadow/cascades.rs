@@ -1,0 +1,292 @@
+//! Cascades: a sun's maps for slices of what the camera sees (Zhang, Sun, Xu & Lun 2006, "Parallel-Split Shadow Maps").
+//!
+//! Every map is a sphere around its slice, so that its size stays when the camera turns; it moves by whole texels of a
+//! grid that hangs on the world, so that edges rest (Valient 2006). How far slices reach follows from the scene and, in
+//! large steps, from how far outside it the camera is: never from where it looks. `fit.cs.wesl` is the twin that fits
+//! slices to the depths of the picture.
+
+use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::shader::Library;
+use chiaro_gpu::wgpu::BufferUsages;
+use chiaro_gpu::{
+    Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture,
+};
+use glam::{Mat3, Mat4, Vec2, Vec3};
+
+use super::project::{corners, light_axes, reversed_orthographic};
+use super::record::DrawView;
+use super::views::{Maker, ShadowView, ShadowViews};
+use super::{CameraView, Fit};
+use crate::shaders;
+use crate::shared::frame::{LightData, ShadowViewData};
+use crate::surface::culling::{CullView, Over};
+
+/// Radii are rounded up to these parts of an octave, so that rounding errors do not move edges.
+const RADIUS_STEPS: f32 = 32.0;
+/// Splits by ratio begin no nearer than at this share of the end.
+const LEAST_NEAR: f32 = 1e-3;
+/// How far outside the scene the camera is counts in these shares of the distance.
+const BEGIN_STEPS: f32 = 16.0;
+
+/// A sun whose cascades are fitted on the GPU; see `fit.cs.wesl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct SunFit {
+    pub light_from_ws: [[f32; 4]; 3],
+    pub origins_ws: [[f32; 4]; 4],
+    pub steps_ws: [[f32; 4]; 4],
+    pub scene_ls: [f32; 4],
+    pub begin_m: f32,
+    pub end_m: f32,
+    pub lambda: f32,
+    pub least_near_m: f32,
+    pub first_view: u32,
+    pub count: u32,
+    pub casters_near_m: f32,
+    pub clamps_depth: u32,
+}
+
+/// The rays through the picture's corners: `origin + step · view depth`.
+#[derive(Clone, Copy, Debug)]
+struct Rays {
+    origins: [Vec3; 4],
+    steps: [Vec3; 4],
+    // Where the camera's near plane is.
+    near_m: f32,
+}
+
+impl Rays {
+    fn of(camera: &CameraView) -> Self {
+        let depth = |p: Vec3| camera.forward_ws.dot(p - camera.eye_ws);
+        let mut near_m = 0.0;
+        let rays = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
+            let near = camera.ws_from_clip.project_point3(Vec3::new(x, y, 1.0));
+            let further = camera.ws_from_clip.project_point3(Vec3::new(x, y, 0.5));
+            let step = (further - near) / camera.forward_ws.dot(further - near).max(1e-12);
+            near_m = depth(near).max(0.0);
+            (near - step * depth(near), step)
+        });
+        Self { origins: rays.map(|(origin, _)| origin), steps: rays.map(|(_, step)| step), near_m }
+    }
+
+    fn at(&self, depth_m: f32) -> [Vec3; 4] {
+        std::array::from_fn(|i| self.origins[i] + self.steps[i] * depth_m)
+    }
+
+    fn is_orthographic(&self) -> bool {
+        self.origins[0].distance(self.origins[2]) > 1e-3 * (self.steps[0].length() + self.near_m)
+    }
+}
+
+/// View depths that hold everything visible, whichever way the camera looks.
+fn reach(camera: &CameraView, rays: &Rays, (lo, hi): (Vec3, Vec3)) -> (f32, f32) {
+    let eye = camera.eye_ws;
+    let furthest = corners((lo, hi)).into_iter().map(|c| c.distance(eye)).fold(0.0, f32::max);
+    let size = (hi - lo).length().max(1e-3);
+    let end = size * (furthest / size).max(1.0).log2().ceil().exp2();
+    if rays.is_orthographic() {
+        return (rays.near_m, end);
+    }
+    let nearest = eye.distance(eye.clamp(lo, hi));
+    // A ray slanted from the axis reaches as far at a smaller depth.
+    let cosine = rays.steps.iter().map(|step| step.length().recip()).fold(1.0, f32::min);
+    let step = end / BEGIN_STEPS;
+    (((nearest * cosine / step).floor() * step).max(rays.near_m), end)
+}
+
+/// Where slice `i` of `count` begins (Zhang et al. 2006, eq. 5).
+fn split(i: u32, count: u32, (begin, end): (f32, f32), lambda: f32) -> f32 {
+    if i == 0 {
+        return begin;
+    }
+    let near = begin.max(LEAST_NEAR * end);
+    let t = i as f32 / count as f32;
+    lambda * near * (end / near).powf(t) + (1.0 - lambda) * (near + (end - near) * t)
+}
+
+/// A sphere around the rays between two depths: centre and radius.
+fn sphere(rays: &Rays, begin: f32, end: f32) -> (Vec3, f32) {
+    let (near, far) = (rays.at(begin), rays.at(end));
+    let middle = |c: &[Vec3; 4]| c.iter().sum::<Vec3>() / 4.0;
+    let (a, b) = (middle(&near), middle(&far));
+    let (near_r, far_r) = (near[0].distance(a), far[0].distance(b));
+    let height2 = a.distance_squared(b).max(1e-12);
+    // The point of the axis as far from the near corners as from the far ones.
+    let t = ((height2 + far_r * far_r - near_r * near_r) / (2.0 * height2)).clamp(0.0, 1.0);
+    let center = a + (b - a) * t;
+    let radius = near.iter().chain(&far).map(|c| c.distance(center)).fold(0.0, f32::max);
+    (center, ((radius.log2() * RADIUS_STEPS).ceil() / RADIUS_STEPS).exp2())
+}
+
+/// Adds a sun's cascades.
+pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut ShadowViews) {
+    let inputs = make.inputs;
+    let (camera, settings) = (&inputs.camera, inputs.settings);
+    let rays = Rays::of(camera);
+    let range = reach(camera, &rays, inputs.bounds_ws);
+    let axes = Mat3::from_quat(light_axes(light.direction_ws.into()));
+    let scene = (
+        axes * (0.5 * (inputs.bounds_ws.0 + inputs.bounds_ws.1)),
+        0.5 * (inputs.bounds_ws.1 - inputs.bounds_ws.0).length().max(1e-3) * 1.001,
+    );
+    // Depth along the light of the first caster.
+    let casters_near = corners(inputs.bounds_ws).into_iter().map(|c| -(axes * c).z).fold(f32::MAX, f32::min);
+    let count = settings.cascades;
+    for i in 0..count {
+        let slice = (
+            split(i, count, range, settings.split_lambda),
+            split(i + 1, count, range, settings.split_lambda),
+        );
+        let (center, radius) = sphere(&rays, slice.0, slice.1);
+        let (center, radius) = if radius < scene.1 { (axes * center, radius) } else { scene };
+        let casters_near = (!inputs.clamps_depth).then_some(casters_near);
+        let (clip_from_ls, data) = parallel(center, radius, casters_near, make);
+        let clip_from_ws = clip_from_ls * Mat4::from_mat3(axes);
+        let data = ShadowViewData {
+            begin_m: slice.0,
+            end_m: slice.1,
+            ..ShadowViewData { clip_from_ws: clip_from_ws.to_cols_array_2d(), layer: first + i, ..data }
+        };
+        let eye_ws = Vec3::from(light.direction_ws).extend(0.0);
+        out.views.push(ShadowView { clip_from_ws, eye_ws, resolution: make.resolution, data });
+    }
+    if settings.fit == Fit::Depth {
+        let row = |i: usize| axes.row(i).extend(0.0).to_array();
+        out.fitted.push(SunFit {
+            light_from_ws: [row(0), row(1), row(2)],
+            origins_ws: rays.origins.map(|origin| origin.extend(1.0).to_array()),
+            steps_ws: rays.steps.map(|step| step.extend(0.0).to_array()),
+            scene_ls: scene.0.extend(scene.1).to_array(),
+            begin_m: range.0,
+            end_m: range.1,
+            lambda: settings.split_lambda,
+            least_near_m: if inputs.see_through { range.0 } else { 0.0 },
+            first_view: first,
+            count,
+            casters_near_m: casters_near,
+            clamps_depth: u32::from(inputs.clamps_depth),
+        });
+    }
+}
+
+/// A parallel view around a sphere in the light's axes, on the grid of its texels.
+fn parallel(
+    center: Vec3,
+    radius: f32,
+    casters_near: Option<f32>,
+    make: &Maker<'_>,
+) -> (Mat4, ShadowViewData) {
+    let half = make.with_border(radius);
+    let texel = 2.0 * half / make.resolution as f32;
+    let center = (center / texel).round() * texel;
+    let far = half - center.z;
+    let near = (-half - center.z).min(casters_near.unwrap_or(f32::MAX));
+    let clip_from_ls = reversed_orthographic(Vec2::splat(half), near, far)
+        * Mat4::from_translation(Vec3::new(-center.x, -center.y, 0.0));
+    let data = ShadowViewData { texel_m: texel, near_m: near, far_m: far, ..make.data(&clip_from_ls, 0) };
+    (clip_from_ls, data)
+}
+
+/// Suns in one frame whose cascades are fitted on the GPU.
+const MAX_SUNS: u64 = 256;
+/// Pixels of a workgroup of `depth_bounds.cs.wesl`.
+const BOUNDS_TILE: [u32; 2] = [16, 64];
+
+/// Fits cascades to the depths of the picture.
+#[derive(Debug)]
+pub(super) struct Fitter {
+    bounds: ComputePipeline,
+    fit: ComputePipeline,
+    depth_bounds: Buffer,
+    suns: Buffer,
+    views: Option<FittedViews>,
+}
+
+#[derive(Debug)]
+struct FittedViews {
+    count: usize,
+    frustum: Buffer,
+    views: Buffer,
+    draws: Buffer,
+    culls: Buffer,
+}
+
+impl Fitter {
+    pub fn new(gpu: &Gpu, library: &Library, frame_layout: &GroupLayout) -> Result<Self, GpuError> {
+        let make = |entry| ComputePipeline::new(gpu, library, &shaders::plain(entry), &[frame_layout], &[]);
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        Ok(Self {
+            bounds: make("shadow/depth_bounds.cs.wesl")?,
+            fit: make("shadow/fit.cs.wesl")?,
+            depth_bounds: Buffer::new(gpu, "depth_bounds", Life::Frame, 8, usage),
+            suns: Buffer::new(gpu, "sun_fits", Life::Frame, MAX_SUNS * size_of::<SunFit>() as u64, usage),
+            views: None,
+        })
+    }
+
+    /// Makes room for so many views. What was fitted is lost.
+    pub fn reserve(&mut self, gpu: &Gpu, count: usize) {
+        if self.views.as_ref().is_some_and(|views| views.count >= count) {
+            return;
+        }
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let make =
+            |name, each: usize| Buffer::new(gpu, name, Life::Kept, (count.max(1) * each) as u64, usage);
+        self.views = Some(FittedViews {
+            count,
+            frustum: make("frustum_views", size_of::<ShadowViewData>()),
+            views: make("fitted_views", size_of::<ShadowViewData>()),
+            draws: make("fitted_draws", size_of::<DrawView>()),
+            culls: make("fitted_culls", size_of::<CullView>()),
+        });
+    }
+
+    /// Measures the picture's depths and fits all cascades to them.
+    pub fn record(&self, frame: &mut Frame<'_>, group: &Group, views: &ShadowViews, depth: &Texture) {
+        let Some(room) = &self.views else { return };
+        let data: Vec<_> = views.views.iter().map(|view| view.data).collect();
+        frame.upload(&room.frustum, &data);
+        frame.upload(&self.suns, &views.fitted);
+        frame.clear(&self.depth_bounds);
+        let options = depth.options();
+        let tiles = [options.width.div_ceil(BOUNDS_TILE[0]), options.height.div_ceil(BOUNDS_TILE[1]), 1];
+        let binds = [("depth", depth.into()), ("depth_bounds", (&self.depth_bounds).into())];
+        frame.compute("shadow/depth_bounds", &self.bounds, &[group], &binds, Dispatch::Groups(tiles));
+        let binds = [
+            ("suns", (&self.suns).into()),
+            ("frustum_views", (&room.frustum).into()),
+            ("depth_bounds", (&self.depth_bounds).into()),
+            ("fitted_views", (&room.views).into()),
+            ("fitted_draws", (&room.draws).into()),
+            ("fitted_culls", (&room.culls).into()),
+        ];
+        let suns = Dispatch::Groups([views.fitted.len() as u32, 1, 1]);
+        frame.compute("shadow/fit", &self.fit, &[], &binds, suns);
+    }
+
+    /// Puts fitted views in the place of the frustum's.
+    pub fn take(&self, frame: &mut Frame<'_>, suns: &[SunFit], (views, draws): (&Buffer, &Buffer)) {
+        let Some(room) = &self.views else { return };
+        for sun in suns {
+            let range =
+                |each: usize| (u64::from(sun.first_view) * each as u64, u64::from(sun.count) * each as u64);
+            let (at, size) = range(size_of::<ShadowViewData>());
+            frame.copy((&room.views, at), (views, at), size);
+            let (at, size) = range(size_of::<DrawView>());
+            // Only the matrix is fitted; the rest of a parallel view's is not used.
+            frame.copy((&room.draws, at), (draws, at), size);
+        }
+    }
+
+    /// Which of the views culled together are fitted.
+    pub fn culls<'a>(&'a self, suns: &[SunFit], layers: &[u32]) -> Vec<Over<'a>> {
+        let Some(room) = &self.views else { return Vec::new() };
+        let fitted =
+            |layer: u32| suns.iter().any(|sun| (sun.first_view..sun.first_view + sun.count).contains(&layer));
+        let over = |(index, &layer): (usize, &u32)| {
+            fitted(layer).then_some(Over { views: &room.culls, from: layer as usize, to: index })
+        };
+        layers.iter().enumerate().filter_map(over).collect()
+    }
+}
