@@ -189,7 +189,7 @@ impl ShadowMaps {
         }
         let at_once = self.views_at_once(gpu, scene, resolution).min(views.len());
         if let Some(raster) = self.raster.as_mut().filter(|_| !views.is_empty()) {
-            raster.reserve(gpu, scene, resolution, at_once);
+            raster.reserve(gpu, resolution, at_once);
         }
         if let Some(fitter) = &mut self.fitter {
             fitter.reserve(gpu, views.len());

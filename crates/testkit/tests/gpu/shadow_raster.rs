@@ -91,7 +91,7 @@ impl<'a> Both<'a> {
     /// The map of the last view, which goes to layer 0.
     fn compute(&mut self, views: &[RasterView], resolution: u32) -> Vec<f32> {
         self.culling.reserve(self.gpu, &self.scene, views.len());
-        self.raster.reserve(self.gpu, &self.scene, resolution, views.len());
+        self.raster.reserve(self.gpu, resolution, views.len());
         let usage = TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
         let options = TextureOptions::new(resolution, resolution, TextureFormat::R32Float, usage);
         let maps = Texture::new(self.gpu, "maps", Life::Kept, options.array(views.len().max(2) as u32));

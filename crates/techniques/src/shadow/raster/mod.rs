@@ -1,7 +1,7 @@
 //! Shadow maps rastered in compute: for GPUs whose fixed raster hardware is small beside their compute units.
 //!
-//! Triangles of a few texels are drawn by the lane that transformed them, larger ones by a team of 32 lanes, and those
-//! larger than a team's share are cut into 64×64-texel tiles with a workgroup each (after Laine & Karras 2011, "High-
+//! Triangles of a few texels are drawn by the lane that transformed them; larger ones are cut into tiles of up to 64×64
+//! texels, drawn by a team of 32 lanes each (after Laine & Karras 2011, "High-
 //! Performance Software Rasterization on GPUs", and the split by size of Karis et al. 2021, "Nanite"). Depth bits order
 //! like positive floats, so an atomic maximum keeps the nearest and the map is the same every time. Edges are whole
 //! numbers of 1/256 texel, as in hardware: no holes between neighbours, and the same texels as the hardware's.
@@ -80,9 +80,10 @@ const HEADER: u64 = 32;
 const BLOCK: [u32; 2] = [8, 4];
 /// Bytes of a tile in the work list.
 const TILE_BYTES: u64 = 80;
-/// The work list's room for each view, and for all of them at most: what finds no room is drawn more slowly.
-const TILES_PER_VIEW: u64 = 32_768;
-const MAX_TILES: u64 = 262_144;
+/// The work list has room for a tile every so many texels of the maps, and for so many at most: what finds no room is
+/// drawn much more slowly. Sponza in four cascades needs about two fifths of it.
+const TEXELS_PER_TILE: u64 = 16;
+const MAX_TILES: u64 = 3 << 19;
 /// Lanes of a workgroup of the triangle pass, and its workgroups a view at most.
 const TRIANGLE_LANES: u32 = 128;
 const MAX_TRIANGLE_GROUPS: u32 = 32_768;
@@ -158,26 +159,20 @@ impl ComputeRaster {
     }
 
     /// Makes room for so many views at once (at most [`ComputeRaster::views_at_once`]). Not inside a frame.
-    pub fn reserve(&mut self, gpu: &Gpu, scene: &SceneGpu, resolution: u32, views: usize) {
+    pub fn reserve(&mut self, gpu: &Gpu, resolution: u32, views: usize) {
         let views = views.clamp(1, Self::views_at_once(gpu, resolution).max(1)) as u32;
-        let kinds = if masked(scene) { 2 } else { 1 };
-        let binding = gpu.limits.max_storage_buffer_binding_size;
-        let capacity = (TILES_PER_VIEW * u64::from(views)).min(MAX_TILES).min(binding / (TILE_BYTES * kinds));
-        let tile_bytes = TILE_BYTES * kinds * capacity;
-        let fits = |b: &Buffers| {
-            b.resolution == resolution
-                && b.views >= views
-                && TILE_BYTES * kinds * u64::from(b.capacity) <= b.tiles.raw().size()
-        };
+        let all_texels = u64::from(views) * u64::from(texels(resolution));
+        let capacity = (all_texels / TEXELS_PER_TILE).min(MAX_TILES);
+        let fits = |b: &Buffers| b.resolution == resolution && b.views >= views;
         if self.buffers.as_ref().is_some_and(fits) {
             return;
         }
         let buffer = |name, life, size| Buffer::new(gpu, name, life, size, BufferUsages::STORAGE);
-        let words = HEADER + u64::from(views) * u64::from(texels(resolution));
+        let words = HEADER + all_texels;
         self.buffers = Some(Buffers {
             // Empty when made, and emptied by the last step of every frame.
             depths: buffer("raster_depths", Life::Kept, 4 * words),
-            tiles: buffer("raster_tiles", Life::Frame, tile_bytes),
+            tiles: buffer("raster_tiles", Life::Frame, TILE_BYTES * capacity),
             resolution,
             views,
             capacity: capacity as u32,
