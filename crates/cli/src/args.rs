@@ -47,7 +47,10 @@ H shows the keys. Scene files can be dropped onto the window.")]
     #[command(after_help = "\
 Examples:
   chiaro bench builtin:nave --frames 200
-  chiaro bench --suite shadows --json shadows.json")]
+  chiaro bench --suite shadows --frames 1000 -o shadows/ --json shadows.json
+
+A suite renders builtin:terrain unless a scene is named, writes a picture of every combination and
+table.md to the folder of -o, and measures with 2048x2048 maps rendered every frame.")]
     Bench(BenchArgs),
     /// Measure how far image A is from the reference image B
     #[command(after_help = "\
@@ -76,7 +79,7 @@ grey, pixels where A is not finite green.")]
 }
 
 /// What is seen, and from where.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct SceneArgs {
     /// A .glb, .gltf or .obj file, or builtin:NAME (see `chiaro scenes`)
     #[arg(value_name = "SCENE")]
@@ -84,9 +87,9 @@ pub struct SceneArgs {
     /// Which scene of a file that holds several, by its number from 0 or by its name [default: the file's own choice]
     #[arg(long = "scene", value_name = "INDEX|NAME")]
     pub scene_in_file: Option<String>,
-    /// The image's width and height in pixels
-    #[arg(long, value_name = "WxH", default_value_t)]
-    pub size: Size,
+    /// The image's width and height in pixels [default: 1280x720; `bench --suite shadows`: 800x600]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
     /// A camera of the scene, by its number from 0 or by its name [default: the first]
     #[arg(long, value_name = "INDEX|NAME", conflicts_with = "view")]
     pub camera: Option<String>,
@@ -188,6 +191,9 @@ pub struct BenchArgs {
     /// Measure a group of techniques side by side instead of one frame
     #[arg(long)]
     pub suite: Option<Suite>,
+    /// The folder for a suite's pictures and table
+    #[arg(short, long, value_name = "FOLDER", default_value = "bench", requires = "suite")]
+    pub output: PathBuf,
 }
 
 /// A group of techniques that `chiaro bench` holds side by side.

@@ -4,9 +4,10 @@ use anyhow::{Context, bail};
 use chiaro::{Recorder, Settings};
 use serde::Serialize;
 
-use crate::args::BenchArgs;
+use crate::args::{BenchArgs, Suite};
 use crate::output::print;
 use crate::session::Session;
+use crate::suite;
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
 
 /// Frames before measuring: shaders warm, clocks up, pools filled.
@@ -29,17 +30,22 @@ struct Report<'a> {
     timings: &'a Option<Summary>,
 }
 
-pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
-    if args.suite.is_some() {
-        bail!("--suite: no suite of techniques exists yet; bench a scene without the flag");
-    }
-    let mut session = Session::open(&args.scene, &args.settings)?;
+/// What so many frames took.
+pub struct Measured {
+    pub wall_ms_per_frame: f64,
+    pub objects_created_after_frame_3: u64,
+    pub memory_growth_bytes: i64,
+    pub timings: Option<Summary>,
+}
+
+/// Renders and times frames, one at a time. `tick` is called after each.
+pub fn measure(session: &mut Session, frames: u32, tick: impl Fn()) -> anyhow::Result<Measured> {
     let mut recorder = Recorder::new(&session.gpu, true);
     let gpu = session.gpu.clone();
     let mut timings = Vec::new();
     let mut steady = None;
     let mut start = std::time::Instant::now();
-    for index in 0..WARM_UP + args.frames {
+    for index in 0..WARM_UP + frames {
         if index == WARM_UP {
             recorder.wait()?;
             recorder.take_timings();
@@ -49,7 +55,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
         if session.duration_s().is_some() {
             session.go_to(f64::from(index) / 60.0)?;
         }
-        let Session { renderer, scene, view, size, .. } = &mut session;
+        let Session { renderer, scene, view, size, .. } = &mut *session;
         renderer.prepare(scene, view, *size, chiaro::Jitter::new(1).offset_px(index), 1.0);
         let mut frame = recorder.begin();
         renderer.frame(&mut frame, scene, false);
@@ -63,14 +69,31 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
         if index + 1 == WARM_UP {
             timings.clear();
         }
+        tick();
     }
-    let wall_ms_per_frame = start.elapsed().as_secs_f64() * 1e3 / f64::from(args.frames);
-    session.tell_notes();
+    let wall_ms_per_frame = start.elapsed().as_secs_f64() * 1e3 / f64::from(frames);
     let (created, bytes) = steady.unwrap_or((gpu.created.total(), memory(&gpu)));
-    let objects_created_after_frame_3 = gpu.created.total() - created;
-    let memory_growth_bytes = memory(&gpu) - bytes;
+    Ok(Measured {
+        wall_ms_per_frame,
+        objects_created_after_frame_3: gpu.created.total() - created,
+        memory_growth_bytes: memory(&gpu) - bytes,
+        timings: summarise(&timings),
+    })
+}
+
+pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
+    match args.suite {
+        None => {}
+        Some(Suite::Shadows) => return suite::run(args),
+        Some(other) => bail!("--suite {other:?}: there are no such techniques yet; --suite shadows is there"),
+    }
+    let mut session = Session::open(&args.scene, &args.settings)?;
+    let measured = measure(&mut session, args.frames, || ())?;
+    session.tell_notes();
+    let Measured { wall_ms_per_frame, objects_created_after_frame_3, memory_growth_bytes, timings: summary } =
+        measured;
+    let gpu = session.gpu.clone();
     let machine = Machine::of(&gpu);
-    let summary = summarise(&timings);
     match &summary {
         Some(summary) => print(&table(&machine, summary))?,
         None => eprintln!("note: {NO_TIMESTAMPS}"),

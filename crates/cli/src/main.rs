@@ -9,6 +9,7 @@ mod info;
 mod output;
 mod render;
 mod session;
+mod suite;
 mod timings;
 mod values;
 mod view;

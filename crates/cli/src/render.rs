@@ -95,7 +95,7 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
     path.with_extension(format!("{number:04}.{extension}"))
 }
 
-fn create_parent(path: &Path) -> anyhow::Result<()> {
+pub fn create_parent(path: &Path) -> anyhow::Result<()> {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     parent.map_or(Ok(()), |parent| {
         std::fs::create_dir_all(parent)
@@ -103,7 +103,7 @@ fn create_parent(path: &Path) -> anyhow::Result<()> {
     })
 }
 
-fn write(session: &Session, still: Still, path: &Path) -> anyhow::Result<()> {
+pub fn write(session: &Session, still: Still, path: &Path) -> anyhow::Result<()> {
     create_parent(path)?;
     let gpu = &session.gpu;
     let samples = still.samples;

@@ -46,7 +46,8 @@ impl Session {
         scene.add_default_view();
         let eye = eye(&scene, scene_args)?;
         let gpu = open_gpu()?;
-        let size = [scene_args.size.width, scene_args.size.height];
+        let size = scene_args.size.unwrap_or_default();
+        let size = [size.width, size.height];
         let limit = gpu.limits.max_texture_dimension_2d;
         if size.iter().any(|&side| side > limit) {
             bail!("--size {}x{}: {} renders up to {limit}x{limit}", size[0], size[1], gpu.info.name);

@@ -21,7 +21,8 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
         (None, Some(wanted)) => StartCamera::Named(wanted.clone()),
         (None, None) => StartCamera::First,
     };
-    let size = [args.scene.size.width, args.scene.size.height];
+    let size = args.scene.size.unwrap_or_default();
+    let size = [size.width, size.height];
     let environment = args.scene.environment.clone();
     let settings = settings(&args.settings)?;
     let shaders = match &args.shaders {

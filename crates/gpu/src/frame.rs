@@ -332,7 +332,7 @@ impl Frame<'_> {
             .iter()
             .map(|attachment| {
                 Some(wgpu::RenderPassColorAttachment {
-                    view: attachment.texture.layer_view(0),
+                    view: attachment.texture.layer_view(attachment.layer),
                     depth_slice: None,
                     resolve_target: attachment.resolve.map(|texture| texture.layer_view(0)),
                     ops: wgpu::Operations {

@@ -28,6 +28,8 @@ pub enum Draw<'a> {
 pub struct Attachment<'a> {
     /// Drawn into.
     pub texture: &'a Texture,
+    /// Array layer.
+    pub layer: u32,
     /// Colour before the first draw; `None` keeps what is there.
     pub clear: Option<wgpu::Color>,
     /// Receives the samples' mean.

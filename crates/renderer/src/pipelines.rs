@@ -1,12 +1,12 @@
 //! The frame functions: one straight line each.
 
 use chiaro_gpu::{Buffer, Frame, Texture, wgpu};
-use chiaro_techniques::shadow::{ShadowOutputs, ShadowViews};
+use chiaro_techniques::shadow::{ShadowOutputs, ShadowSettings, ShadowViews};
 use chiaro_techniques::surface::SurfaceBuffer;
 use chiaro_techniques::surface::culling::CullView;
 
 use crate::renderer::Passes;
-use crate::{LoadedScene, Pipeline};
+use crate::{LoadedScene, Pipeline, Settings};
 
 /// What a frame leaves behind, valid until the next.
 #[derive(Clone, Debug)]
@@ -32,25 +32,31 @@ pub(crate) struct FrameInputs<'a> {
 }
 
 pub(crate) fn record(
-    pipeline: Pipeline,
+    settings: &Settings,
     passes: &mut Passes,
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
 ) -> FrameOutputs {
-    match pipeline {
-        Pipeline::Deferred => deferred(passes, frame, inputs),
-        Pipeline::Forward => forward(passes, frame, inputs),
+    match settings.pipeline {
+        Pipeline::Deferred => deferred(&settings.shadow, passes, frame, inputs),
+        Pipeline::Forward => forward(&settings.shadow, passes, frame, inputs),
     }
 }
 
-fn deferred(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>) -> FrameOutputs {
+fn deferred(
+    settings: &ShadowSettings,
+    passes: &mut Passes,
+    frame: &mut Frame<'_>,
+    inputs: &FrameInputs<'_>,
+) -> FrameOutputs {
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
     passes.motion.record(frame, scene);
     let lists = passes.surfaces.cull(frame, scene, &inputs.camera);
     let depth = passes.surfaces.record_visibility(frame, group, scene, &lists);
     let views = &passes.frame_group.shadow_views;
-    let shadows = passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, Some(&depth));
+    let shadows =
+        passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, Some(&depth), settings);
     let surface = passes.surfaces.record_resolve(frame, group, scene, &lists);
     let light_grid = passes.direct.record_grid(frame, group);
     let radiance = passes.direct.record_deferred(frame, group, &surface, &shadows, &light_grid);
@@ -61,7 +67,12 @@ fn deferred(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>
     FrameOutputs { radiance, shadows, light_grid, surface: Some(surface) }
 }
 
-fn forward(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>) -> FrameOutputs {
+fn forward(
+    settings: &ShadowSettings,
+    passes: &mut Passes,
+    frame: &mut Frame<'_>,
+    inputs: &FrameInputs<'_>,
+) -> FrameOutputs {
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
     passes.motion.record(frame, scene);
@@ -70,7 +81,8 @@ fn forward(passes: &mut Passes, frame: &mut Frame<'_>, inputs: &FrameInputs<'_>)
     let needs_depth = inputs.wants_surface || blends || !inputs.shadow_views.fitted.is_empty();
     let depth = needs_depth.then(|| passes.surfaces.record_visibility(frame, group, scene, &lists));
     let views = &passes.frame_group.shadow_views;
-    let shadows = passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, depth.as_ref());
+    let shadows =
+        passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, depth.as_ref(), settings);
     let surface = inputs.wants_surface.then(|| passes.surfaces.record_resolve(frame, group, scene, &lists));
     let light_grid = passes.direct.record_grid(frame, group);
     let radiance =

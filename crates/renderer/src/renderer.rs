@@ -3,6 +3,7 @@
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::{Frame, Gpu, GroupLayout, TexturePool, wgpu};
 use chiaro_scene::Scene;
+use chiaro_techniques::caustics;
 use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
 use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
 use chiaro_techniques::motion::Motion;
@@ -290,8 +291,8 @@ impl Renderer {
         let views = shadow_views.views.len();
         self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), views, environment);
         self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
-        let keeps = (settings.shadow.cache, settings.surface.anisotropy);
-        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, keeps);
+        let (shadow, anisotropy) = (&settings.shadow, settings.surface.anisotropy);
+        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, shadow, anisotropy);
         self.passes.direct.reserve(&self.kit.gpu, &self.pool, size_px, grid, forward);
         if let Some(transparency) = &mut self.passes.transparency {
             transparency.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px, settings.surface.layers);
@@ -318,7 +319,7 @@ impl Renderer {
             sky: prepared.sky,
             wants_surface,
         };
-        record(self.settings.pipeline, &mut self.passes, frame, &inputs)
+        record(&self.settings, &mut self.passes, frame, &inputs)
     }
 }
 
@@ -343,6 +344,13 @@ fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {
     }
     if let Some(reason) = settings.shadow.refused() {
         return Err(Error::Combination(reason));
+    }
+    if settings.shadow.transmission_tint && settings.caustics.technique != caustics::Technique::None {
+        return Err(Error::Combination(
+            "shadow.transmission_tint does not go with caustics: both would bring the light that glass lets through; \
+             take shadow.transmission_tint = false or caustics.technique = none"
+                .into(),
+        ));
     }
     let side = settings.shadow.resolution;
     if settings.shadow.computes_maps() && ComputeRaster::views_at_once(gpu, side) == 0 {

@@ -42,7 +42,7 @@ pub struct Settings {
 }
 
 /// Presets by name: a sentence and the keys they set.
-const PRESETS: [(&str, &str, &[(&str, &str)]); 3] = [
+const PRESETS: [(&str, &str, &[(&str, &str)]); 4] = [
     ("default", "what chiaro thinks looks right", &[]),
     (
         "direct",
@@ -57,6 +57,22 @@ const PRESETS: [(&str, &str, &[(&str, &str)]); 3] = [
             ("shadow.pcf_kernel", "2"),
             ("surface.anisotropy", "4"),
             ("surface.msaa", "1"),
+        ],
+    ),
+    (
+        "thesis-shadows",
+        "the shadow thesis' own choices: variance maps, a blur of five taps, shadows no darker than 0.3",
+        &[
+            ("surface.lighting", "phong"),
+            ("shadow.representation", "variance"),
+            ("shadow.filter", "gaussian"),
+            ("shadow.filter_radius", "2"),
+            ("shadow.exponent", "80"),
+            ("shadow.floor", "0.3"),
+            ("shadow.cascade_select", "depth"),
+            ("shadow.split_lambda", "0.5"),
+            ("shadow.blend", "0"),
+            ("shadow.bias.receiver_plane", "false"),
         ],
     ),
 ];

@@ -9,6 +9,7 @@ use crate::motion::{DeformJob, InstanceMove};
 use crate::shaders;
 use crate::shadow::DrawView;
 use crate::shadow::cascades::SunFit;
+use crate::shadow::moments::Blur;
 use crate::shadow::raster::{RasterData, RasterViewData};
 use crate::shared::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::surface::clusters::ClusterData;
@@ -186,6 +187,16 @@ fn rust_structs_equal_their_wesl_twins() {
         target_count,
         first_weight,
         morph_stride,
+    );
+    same!(
+        &linked("shadow/moments/rows.cs.wesl"),
+        Blur,
+        "Blur",
+        radius,
+        prefilter,
+        reserved0,
+        reserved1,
+        weights
     );
     same!(&linked("surface/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride);
     let raster = &linked("shadow/raster/resolve.cs.wesl");

@@ -36,7 +36,18 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shadow/depth_bounds.cs.wesl"),
     shader!("shadow/draw_view.wesl"),
     shader!("shadow/fit.cs.wesl"),
+    shader!("shadow/inspect.wesl"),
     shader!("shadow/lookup.wesl"),
+    shader!("shadow/moments/blur.wesl"),
+    shader!("shadow/moments/bounds.wesl"),
+    shader!("shadow/moments/columns.cs.wesl"),
+    shader!("shadow/moments/convert.cs.wesl"),
+    shader!("shadow/moments/halve.cs.wesl"),
+    shader!("shadow/moments/lookup.wesl"),
+    shader!("shadow/moments/represent.wesl"),
+    shader!("shadow/moments/rows.cs.wesl"),
+    shader!("shadow/moments/texel.wesl"),
+    shader!("shadow/moments/warp.wesl"),
     shader!("shadow/paraboloid.vs.wesl"),
     shader!("shadow/projection.wesl"),
     shader!("shadow/raster/cutout.wesl"),
@@ -47,10 +58,12 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shadow/raster/tile.wesl"),
     shader!("shadow/raster/tiles.cs.wesl"),
     shader!("shadow/raster/triangles.cs.wesl"),
+    shader!("shadow/tint.vs.wesl"),
     shader!("shared/albedo_table.cs.wesl"),
     shader!("shared/brdf.wesl"),
     shader!("shared/color.wesl"),
     shader!("shared/depth.wesl"),
+    shader!("shared/footprint.wesl"),
     shader!("shared/frame.wesl"),
     shader!("shared/oct.wesl"),
     shader!("shared/scene.wesl"),
@@ -91,6 +104,7 @@ pub fn permutations() -> Vec<Permutation> {
         "shadow/depth_bounds.cs.wesl",
         "shadow/fit.cs.wesl",
         "shadow/raster/resolve.cs.wesl",
+        "shadow/tint.vs.wesl",
         "shared/albedo_table.cs.wesl",
         "surface/cull_count.cs.wesl",
         "surface/cull_expand.cs.wesl",
@@ -111,6 +125,12 @@ pub fn permutations() -> Vec<Permutation> {
         for b in [false, true] {
             all.extend([Layer::None, Layer::First, Layer::Next].map(|layer| visibility(a, b, layer)));
             all.extend([forward(a, b, false), forward(a, b, true), shade_layer(a, b), shade(a, b)]);
+        }
+    }
+    for channels in [1, 2, 4] {
+        all.extend([moments_columns(channels), moments_halve(channels)]);
+        for float_maps in [false, true] {
+            all.extend([moments_convert(channels, float_maps), moments_rows(channels, float_maps)]);
         }
     }
     all
@@ -174,6 +194,30 @@ pub fn aov(float_maps: bool) -> Permutation {
 /// A shadow view's depth.
 pub fn shadow_depth(masked: bool) -> Permutation {
     Permutation::plain("shadow/depth.vs.wesl").flag("masked", masked)
+}
+
+fn channels(entry: &'static str, channels: u32) -> Permutation {
+    Permutation::plain(entry).flag("two", channels == 2).flag("four", channels == 4)
+}
+
+/// Maps of 1, 2 or 4 moments from depth, texel by texel; `float_maps`: depth is R32Float.
+pub fn moments_convert(count: u32, float_maps: bool) -> Permutation {
+    channels("shadow/moments/convert.cs.wesl", count).flag(FLOAT_MAPS, float_maps)
+}
+
+/// The same, blurred along x.
+pub fn moments_rows(count: u32, float_maps: bool) -> Permutation {
+    channels("shadow/moments/rows.cs.wesl", count).flag(FLOAT_MAPS, float_maps)
+}
+
+/// Maps of moments blurred along y.
+pub fn moments_columns(count: u32) -> Permutation {
+    channels("shadow/moments/columns.cs.wesl", count)
+}
+
+/// The next mip of maps of moments.
+pub fn moments_halve(count: u32) -> Permutation {
+    channels("shadow/moments/halve.cs.wesl", count)
 }
 
 /// A hemisphere's depth.

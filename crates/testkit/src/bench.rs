@@ -94,7 +94,8 @@ impl Bench {
     ) -> Output<T> {
         let library = shaders::library().with(&[shader]);
         let layouts = [&self.frame_layout, &self.scene_layout];
-        let entry = Permutation::plain(shader.0);
+        // Of what reads shadow maps.
+        let entry = Permutation::plain(shader.0).flag("float_maps", false);
         let pipeline = need(ComputePipeline::new(&self.gpu, &library, &entry, &layouts, constants));
         let bytes = count * size_of::<T>();
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;

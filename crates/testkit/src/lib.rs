@@ -7,6 +7,7 @@
 
 mod bench;
 mod device;
+mod exact;
 mod files;
 mod golden;
 mod stage;
@@ -14,6 +15,7 @@ mod studio;
 
 pub use bench::{Bench, Output};
 pub use device::{TestGpu, device, device_guaranteed, device_of_its_own};
+pub use exact::{Exact, Hit};
 pub use files::{assets, reference};
 pub use golden::{Tolerance, assert_golden};
 pub use stage::{Stage, camera_above};

@@ -47,6 +47,14 @@ impl Stage {
         self.place(mesh, Affine3A::IDENTITY);
     }
 
+    /// Adds a box by its middle and half its sides.
+    pub fn cuboid(&mut self, center: Vec3, half: Vec3, material: Id) {
+        let [x, y, z] = [Vec3::X * half.x, Vec3::Y * half.y, Vec3::Z * half.z];
+        for (out, u, v) in [(x, y, z), (-x, z, y), (y, z, x), (-y, x, z), (z, x, y), (-z, y, x)] {
+            self.quad(center + out, u, v, material);
+        }
+    }
+
     /// Adds a mesh at a pose.
     pub fn place(&mut self, mesh: Mesh, pose: Affine3A) {
         self.scene.meshes.push(mesh);

@@ -35,7 +35,7 @@ const fn view(name: &'static str, about: &'static str, source: Source, mapping: 
 }
 
 /// All of them; the digits 1 to 9 and 0 choose the first ten.
-pub const BUFFERS: [BufferView; 14] = [
+pub const BUFFERS: [BufferView; 18] = [
     view("radiance", "The frame before averaging and tone mapping", Source::Radiance, Mapping::Exposed),
     view(
         "direct light",
@@ -79,6 +79,30 @@ pub const BUFFERS: [BufferView; 14] = [
         "Depth from each light, a layer each: white is near the light",
         Source::ShadowMaps,
         Mapping::Depth,
+    ),
+    view(
+        "cascades",
+        "Which shadow map a pixel is looked up in: a colour each, mixed where two are",
+        Source::Aov(Aov::ShadowCascade),
+        Mapping::Color,
+    ),
+    view(
+        "shadow texels",
+        "The shadow map's texels on the surface",
+        Source::Aov(Aov::ShadowTexels),
+        Mapping::Color,
+    ),
+    view(
+        "penumbra",
+        "How far the shadow's filter reaches: white is a hundredth of the scene's size",
+        Source::Aov(Aov::ShadowPenumbra),
+        Mapping::Color,
+    ),
+    view(
+        "shadow bias",
+        "How far receivers are moved against acne: white is a thousandth of the scene's size",
+        Source::Aov(Aov::ShadowBias),
+        Mapping::Color,
     ),
     view("visibility", "Which triangle each pixel shows: a colour each", Source::Visibility, Mapping::Number),
     view(
@@ -197,7 +221,12 @@ pub fn draw(
             sum.restart();
             let inputs = (surface, &outputs.shadows, &outputs.light_grid);
             passes.aov.record(frame, group, inputs, (0, aov), sum);
-            let scale = if aov == Aov::Depth { 10.0 / stage.size_m() } else { 1.0 };
+            let scale = match aov {
+                Aov::Depth => 10.0 / stage.size_m(),
+                Aov::ShadowPenumbra => 100.0 / stage.size_m(),
+                Aov::ShadowBias => 1000.0 / stage.size_m(),
+                _ => 1.0,
+            };
             show(frame, debug, sum.texture(), scale)
         }),
     };

@@ -46,8 +46,8 @@ impl Permutations {
     }
 
     /// Constants of every shader that looks shadows up.
-    pub fn constants(&self) -> Vec<(&'static str, f64)> {
-        self.shadow.constants()
+    pub fn constants(&self, gpu: &Gpu) -> Vec<(&'static str, f64)> {
+        self.shadow.constants(gpu)
     }
 }
 
@@ -83,7 +83,7 @@ impl DirectLight {
         permutations: Permutations,
     ) -> Result<Self, GpuError> {
         let shared = &[frame_layout, scene_layout];
-        let constants = permutations.constants();
+        let constants = permutations.constants(gpu);
         let float_maps = permutations.shadow.float_maps;
         let shade = |emissive| {
             ComputePipeline::new(gpu, library, &shaders::shade(emissive, float_maps), shared, &constants)
@@ -201,7 +201,7 @@ impl DirectLight {
         light_grid: &Buffer,
     ) -> Texture {
         let targets = self.targets();
-        let mut binds = lighting_binds(shadows, light_grid).to_vec();
+        let mut binds = lighting_binds(shadows, light_grid);
         binds.extend(surface_binds(surface));
         binds.push(("radiance", (&targets.radiance).into()));
         if let Some(emissive) = &surface.emissive {
@@ -233,6 +233,7 @@ impl DirectLight {
         let single = self.permutations.msaa == 1;
         let attachment = Attachment {
             texture: if single { &targets.radiance } else { color },
+            layer: 0,
             clear: Some(sky.unwrap_or(wgpu::Color::TRANSPARENT)),
             resolve: (!single).then_some(&targets.radiance),
         };
@@ -253,13 +254,10 @@ impl DirectLight {
 }
 
 /// What `direct/lighting.wesl` binds.
-pub fn lighting_binds<'a>(shadows: &'a ShadowOutputs, light_grid: &'a Buffer) -> [Bind<'a>; 4] {
-    [
-        ("shadow_maps", (&shadows.maps).into()),
-        ("shadow_compare", (&shadows.compare).into()),
-        ("shadow_gather", (&shadows.gather).into()),
-        ("light_grid", light_grid.into()),
-    ]
+pub fn lighting_binds<'a>(shadows: &'a ShadowOutputs, light_grid: &'a Buffer) -> Vec<Bind<'a>> {
+    let mut binds = shadows.binds();
+    binds.push(("light_grid", light_grid.into()));
+    binds
 }
 
 /// The surface buffer's bindings.

@@ -53,11 +53,20 @@ pub enum Aov {
     Roughness,
     /// World-space normal of the triangle, −1..1.
     GeometricNormal,
+    /// Which of a sun's cascades (of a point's faces) a pixel's shadow comes from: a colour each. Of the first light with a
+    /// shadow that reaches the pixel, as the three that follow.
+    ShadowCascade,
+    /// The shadow map's texels as a checkerboard on the surface.
+    ShadowTexels,
+    /// How far the shadow's filter reaches, metres; pcss: how wide the penumbra is estimated.
+    ShadowPenumbra,
+    /// How far the receiver is moved against acne, metres.
+    ShadowBias,
 }
 
 impl Aov {
     /// All, with the names `--aov` takes.
-    pub const ALL: [(Self, &'static str); 8] = [
+    pub const ALL: [(Self, &'static str); 12] = [
         (Self::Direct, "direct"),
         (Self::Albedo, "albedo"),
         (Self::Normal, "normal"),
@@ -66,6 +75,10 @@ impl Aov {
         (Self::Indirect, "indirect"),
         (Self::Roughness, "roughness"),
         (Self::GeometricNormal, "geometric_normal"),
+        (Self::ShadowCascade, "shadow_cascade"),
+        (Self::ShadowTexels, "shadow_texels"),
+        (Self::ShadowPenumbra, "shadow_penumbra"),
+        (Self::ShadowBias, "shadow_bias"),
     ];
 
     /// By name.
@@ -236,7 +249,7 @@ impl AovPass {
         count: usize,
     ) -> Result<Self, GpuError> {
         let entry = shaders::aov(permutations.shadow.float_maps);
-        let constants = permutations.constants();
+        let constants = permutations.constants(gpu);
         let pipeline = ComputePipeline::new(gpu, library, &entry, &[frame_layout], &constants)?;
         Ok(Self { pipeline, inputs: (0..count).map(|_| uniform::<[u32; 4]>(gpu, "aov_input")).collect() })
     }
@@ -252,7 +265,7 @@ impl AovPass {
     ) {
         let input = &self.inputs[index];
         frame.upload(input, &[[aov as u32, sum.frames, 0, 0]]);
-        let mut binds: Vec<Bind<'_>> = lighting_binds(shadows, light_grid).to_vec();
+        let mut binds: Vec<Bind<'_>> = lighting_binds(shadows, light_grid);
         binds.extend(surface_binds(surface));
         binds.push(("aov_input", input.into()));
         binds.push(("sum_before", sum.before().into()));

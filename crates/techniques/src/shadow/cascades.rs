@@ -16,7 +16,7 @@ use glam::{Mat3, Mat4, Vec2, Vec3};
 use super::project::{corners, light_axes, reversed_orthographic};
 use super::record::DrawView;
 use super::views::{Maker, ShadowView, ShadowViews};
-use super::{CameraView, Fit};
+use super::{CameraView, Fit, Representation};
 use crate::shaders;
 use crate::shared::frame::{LightData, ShadowViewData};
 use crate::surface::culling::{CullView, Over};
@@ -132,6 +132,8 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut Sha
     );
     // Depth along the light of the first caster.
     let casters_near = corners(inputs.bounds_ws).into_iter().map(|c| -(axes * c).z).fold(f32::MAX, f32::min);
+    // Moments want a short range to be precise in; distances of blockers must be true.
+    let clamps_depth = inputs.clamps_depth && settings.representation != Representation::Depth;
     let count = settings.cascades;
     for i in 0..count {
         let slice = (
@@ -140,7 +142,7 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut Sha
         );
         let (center, radius) = sphere(&rays, slice.0, slice.1);
         let (center, radius) = if radius < scene.1 { (axes * center, radius) } else { scene };
-        let casters_near = (!inputs.clamps_depth).then_some(casters_near);
+        let casters_near = (!clamps_depth).then_some(casters_near);
         let (clip_from_ls, data) = parallel(center, radius, casters_near, make);
         let clip_from_ws = clip_from_ls * Mat4::from_mat3(axes);
         let data = ShadowViewData {
@@ -165,7 +167,7 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut Sha
             first_view: first,
             count,
             casters_near_m: casters_near,
-            clamps_depth: u32::from(inputs.clamps_depth),
+            clamps_depth: u32::from(clamps_depth),
         });
     }
 }

@@ -12,11 +12,13 @@
 //! | scene geometry | maps | Depth32Float array, a layer a view | reversed light-clip z; of a paraboloid near / distance |
 //! | maps | moments | R, RG or RGBA32Float array | linear depth 0..1 and functions of it |
 //!
-//! Limits: see-through surfaces cast full shadows, blended ones where their alpha is at least a half.
+//! Limits: see-through surfaces cast full shadows, blended ones where their alpha is at least a half, unless
+//! `shadow.transmission_tint` lets light through them in their colour.
 //! Cost: 4 bytes a texel (and 4 a channel of moments), and one raster of the culled casters whenever light, camera (suns)
 //! or scene changed: a map that rests is kept (`shadow.cache`).
 
 pub mod cascades;
+pub mod moments;
 mod project;
 pub mod raster;
 mod record;
@@ -24,13 +26,17 @@ mod settings;
 mod single;
 #[cfg(test)]
 mod tests;
+mod tint;
 mod views;
 
 pub use record::{DrawView, ShadowMaps, ShadowOutputs};
 pub use settings::{
     CascadeSelect, Filter, Fit, Layout, PcfKernel, PointLayout, Raster, Representation, ShadowSettings, Sigma,
 };
+pub use tint::TintMaps;
 pub use views::{CameraView, FitInputs, ShadowView, ShadowViews, fit};
+
+use chiaro_gpu::Gpu;
 
 use crate::shared::frame::ShadowParameters;
 
@@ -42,6 +48,7 @@ pub struct Lookup {
     kernel: PcfKernel,
     receiver_plane: bool,
     select: CascadeSelect,
+    tint: bool,
     /// Whether maps hold plain numbers instead of a depth format.
     pub float_maps: bool,
 }
@@ -55,12 +62,13 @@ impl Lookup {
             kernel: settings.pcf_kernel,
             receiver_plane: settings.bias_receiver_plane,
             select: settings.cascade_select,
+            tint: settings.transmission_tint,
             float_maps: settings.computes_maps(),
         }
     }
 
-    /// The constants of `lookup.wesl`.
-    pub fn constants(self) -> Vec<(&'static str, f64)> {
+    /// The constants of the lookups.
+    pub fn constants(self, gpu: &Gpu) -> Vec<(&'static str, f64)> {
         let filter = match self.filter {
             Filter::None => 0.0,
             Filter::Pcf if self.kernel == PcfKernel::Disc => 2.0,
@@ -68,25 +76,22 @@ impl Lookup {
             _ => 1.0,
         };
         let moments = self.representation != Representation::Depth;
-        vec![
+        let mut constants = vec![
             ("FILTER", filter),
             // A kernel of no texels would divide by zero where it is not used.
             ("PCF_KERNEL", f64::from(self.kernel.texels().max(2))),
             ("RECEIVER_PLANE", f64::from(self.receiver_plane)),
             ("SELECT_BY_DEPTH", f64::from(self.select == CascadeSelect::Depth)),
+            ("TINT", f64::from(self.tint)),
             ("MOMENTS", f64::from(moments)),
             ("MOMENT_MIPS", f64::from(moments && self.filter.mips())),
-        ]
+        ];
+        constants.extend(moments::constants(gpu, self.representation));
+        constants
     }
 }
 
 impl ShadowSettings {
-    /// Bytes a texel takes in all of a view's maps.
-    pub fn texel_bytes(&self) -> u32 {
-        let channels = self.representation.channels() * 4;
-        4 + if self.filter.mips() { channels * 4 / 3 } else { channels }
-    }
-
     /// What all shadow views share.
     pub fn parameters(&self) -> ShadowParameters {
         let positive = match self.representation {

@@ -4,19 +4,21 @@ use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Binding, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
+    Bind, Binding, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
     RenderPipelineOptions, Targets, Texture, TextureOptions,
 };
 use glam::Vec4Swizzles;
 
 use super::cascades::Fitter;
+use super::moments::{MomentOutputs, Moments};
 use super::raster::{ComputeRaster, MatrixOver, RasterView};
+use super::tint::{Tint, TintMaps};
 use super::views::{ShadowView, ShadowViews};
 use super::{Fit, PointLayout, ShadowSettings};
 use crate::shaders;
 use crate::shared::frame::ShadowViewData;
 use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, draw_classes};
-use crate::surface::scene::KINDS;
+use crate::surface::scene::{KINDS, OPAQUE};
 use crate::surface::{SceneFacts, SceneGpu};
 
 /// What [`ShadowMaps::record`] writes.
@@ -28,6 +30,24 @@ pub struct ShadowOutputs {
     pub compare: wgpu::Sampler,
     /// Plain sampler, for fetching four depths at once.
     pub gather: wgpu::Sampler,
+    /// What was made of the maps.
+    pub moments: MomentOutputs,
+    /// See-through casters, with `shadow.transmission_tint`.
+    pub tint: TintMaps,
+}
+
+impl ShadowOutputs {
+    /// What `shadow/lookup.wesl` binds.
+    pub fn binds(&self) -> Vec<Bind<'_>> {
+        let mut binds = self.moments.binds().to_vec();
+        binds.extend(self.tint.binds());
+        binds.extend([
+            ("shadow_maps", (&self.maps).into()),
+            ("shadow_compare", (&self.compare).into()),
+            ("shadow_gather", (&self.gather).into()),
+        ]);
+        binds
+    }
 }
 
 /// See `draw_view.wesl`.
@@ -66,6 +86,8 @@ pub struct ShadowMaps {
     pipelines: [RenderPipeline; KINDS],
     paraboloid: Option<[RenderPipeline; KINDS]>,
     fitter: Option<Fitter>,
+    tint: Option<Tint>,
+    moments: Moments,
     raster: Option<ComputeRaster>,
     anisotropy: u32,
     outputs: ShadowOutputs,
@@ -128,7 +150,12 @@ impl ShadowMaps {
         let gather = gpu
             .device
             .create_sampler(&wgpu::SamplerDescriptor { label: Some("shadow_gather"), ..Default::default() });
+        let moments = Moments::new(gpu, library, frame_layout, settings, settings.computes_maps())?;
+        let made = moments.outputs();
+        let tint = TintMaps::new(gpu, 1, 1);
         Ok(Self {
+            tint: settings.transmission_tint.then(|| Tint::new(gpu, library, shared, facts)).transpose()?,
+            moments,
             culling: Culling::new(gpu, library, scene_layout)?,
             pipelines: [pipeline(0)?, pipeline(1)?, pipeline(2)?, pipeline(3)?],
             paraboloid,
@@ -140,7 +167,13 @@ impl ShadowMaps {
                 .then(|| ComputeRaster::new(gpu, library, scene_layout, facts, settings.bias_cull_front))
                 .transpose()?,
             anisotropy: 1,
-            outputs: ShadowOutputs { maps: maps(gpu, 1, 1, settings.computes_maps()), compare, gather },
+            outputs: ShadowOutputs {
+                maps: maps(gpu, 1, 1, settings.computes_maps()),
+                compare,
+                gather,
+                moments: made,
+                tint,
+            },
             draw_views: draw_views(gpu, 1),
             capacity: 1,
             rendered: (0, ShadowViews::default()),
@@ -156,20 +189,23 @@ impl ShadowMaps {
         self.cull_front == settings.bias_cull_front
             && self.facts == facts
             && self.raster.is_some() == settings.computes_maps()
+            && self.moments.serves(settings, settings.computes_maps())
+            && self.tint.is_some() == settings.transmission_tint
             && (self.paraboloid.is_some() || settings.point_layout != PointLayout::Paraboloid)
             && (self.fitter.is_some() || settings.fit != Fit::Depth)
     }
 
-    /// Makes room for so many views. Not inside a frame. With `keeps`, views that rest keep their maps. `anisotropy`: most
-    /// taps of a masked caster's texture.
+    /// Makes room for so many views. Not inside a frame. `anisotropy`: most taps of a masked caster's texture.
     pub fn reserve(
         &mut self,
         gpu: &Gpu,
         scene: &SceneGpu,
         views: &ShadowViews,
-        (keeps, anisotropy): (bool, u32),
+        settings: &ShadowSettings,
+        anisotropy: u32,
     ) {
         self.anisotropy = anisotropy;
+        let keeps = settings.cache;
         let views = &views.views;
         self.culling.reserve(gpu, scene, views.len());
         let resolution = views.first().map_or(1, |view| view.resolution);
@@ -177,6 +213,13 @@ impl ShadowMaps {
         let options = self.outputs.maps.options();
         if options.width != resolution || options.layers != Some(layers) {
             self.outputs.maps = maps(gpu, resolution, layers, self.raster.is_some());
+            self.rendered.1 = ShadowViews::default();
+        }
+        self.moments.reserve(gpu, settings, resolution, layers);
+        let tinted = if self.tint.is_some() { [resolution, layers] } else { [1, 1] };
+        let has = self.outputs.tint.tint.options();
+        if [has.width, has.layers.unwrap_or(1)] != tinted {
+            self.outputs.tint = TintMaps::new(gpu, tinted[0], tinted[1]);
             self.rendered.1 = ShadowViews::default();
         }
         if self.rendered.0 != scene.id() || !keeps {
@@ -243,6 +286,7 @@ impl ShadowMaps {
         scene: &SceneGpu,
         views: &ShadowViews,
         depth: Option<&Texture>,
+        settings: &ShadowSettings,
     ) -> ShadowOutputs {
         let keeps_near = frame.gpu().optional.depth_clip_control;
         let moved = self.moved(scene, views, keeps_near);
@@ -301,9 +345,19 @@ impl ShadowMaps {
                 let pipelines = self.paraboloid.as_ref().filter(|_| curved).unwrap_or(&self.pipelines);
                 frame.render("shadow/depth", targets, |pass| {
                     let shared = &[frame_group, scene.group()];
-                    draw_classes(pass, pipelines, scene.classes(), shared, &binds, (&lists, index, !curved));
+                    let classes = if self.tint.is_some() { OPAQUE } else { scene.classes() };
+                    draw_classes(pass, pipelines, classes, shared, &binds, (&lists, index, !curved));
                 });
+                if let Some(tint) = &self.tint {
+                    let shared = &[frame_group, scene.group()];
+                    let target = (&self.outputs.tint, layer);
+                    tint.record(frame, shared, &self.pipelines, target, &binds, (&lists, index));
+                }
             }
+        }
+        if !views.views.is_empty() {
+            let maps = &self.outputs.maps;
+            self.outputs.moments = self.moments.record(frame, frame_group, settings, maps, &moved);
         }
         if self.keeps && (!moved.is_empty() || self.rendered.1 != *views) {
             self.rendered = (scene.id(), views.clone());

@@ -123,7 +123,7 @@ choice! {
         Auto = "auto",
         /// The hardware.
         Hardware = "hardware",
-        /// Compute (see `shadow/raster`), for data-centre GPUs; paraboloids take the hardware.
+        /// Compute (see `shadow/raster`), for data-centre GPUs; paraboloids and tinted light take the hardware.
         Compute = "compute",
     }
 }
@@ -248,7 +248,8 @@ settings! {
 impl ShadowSettings {
     /// Whether the maps are rastered in compute, and hold plain numbers.
     pub fn computes_maps(&self) -> bool {
-        self.raster == Raster::Compute && self.point_layout != PointLayout::Paraboloid
+        let curved = self.point_layout == PointLayout::Paraboloid;
+        self.raster == Raster::Compute && !curved && !self.transmission_tint
     }
 
     /// Why these settings do not go together, if they do not.
@@ -261,6 +262,11 @@ impl ShadowSettings {
         let representation = crate::settings::Value::show(&self.representation);
         refused_pair(pair)
             .map(|reason| format!("{key} = {value} does not go with shadow.representation = {representation}: {reason}"))
+            .or_else(|| {
+                (self.transmission_tint && self.point_layout == PointLayout::Paraboloid).then(|| {
+                    "shadow.transmission_tint does not go with shadow.point_layout = paraboloid: take cube".into()
+                })
+            })
             .or_else(|| {
                 (self.fit == Fit::Depth && self.layout == Layout::Single).then(|| {
                     "shadow.fit = depth does not go with shadow.layout = single: take shadow.layout = cascaded with \

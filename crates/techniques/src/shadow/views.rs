@@ -2,6 +2,7 @@
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
+use super::moments::Moments;
 use super::project::{corners, light_axes, reversed_perspective};
 use super::{Filter, Layout, PointLayout, ShadowSettings, cascades, single};
 use crate::shared::frame::{LightData, ShadowViewData};
@@ -127,8 +128,9 @@ fn views_of(light: &LightData, settings: &ShadowSettings) -> usize {
 
 fn within_budget(settings: &ShadowSettings, views: usize, notes: &mut Vec<String>) -> u32 {
     let budget = u64::from(settings.memory_budget) << 20;
-    let bytes =
-        |side: u32| u64::from(settings.texel_bytes()) * u64::from(side) * u64::from(side) * views as u64;
+    let bytes = |side: u32| {
+        4 * u64::from(side) * u64::from(side) * views as u64 + Moments::bytes(settings, side, views as u32)
+    };
     let mut side = settings.resolution;
     while bytes(side) > budget && side > 16 {
         side /= 2;

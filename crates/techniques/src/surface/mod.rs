@@ -159,6 +159,7 @@ impl Surfaces {
         let targets = Targets {
             color: &[Attachment {
                 texture: &buffer.visibility,
+                layer: 0,
                 clear: Some(wgpu::Color::TRANSPARENT),
                 resolve: None,
             }],

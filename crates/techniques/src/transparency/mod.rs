@@ -106,7 +106,7 @@ impl Transparency {
         let resolve =
             |glows| ComputePipeline::new(gpu, library, &shaders::resolve(glows, true), shared, &materials);
         let behind = |whole| ComputePipeline::new(gpu, library, &shaders::behind(whole), &[], &[]);
-        let constants = permutations.constants();
+        let constants = permutations.constants(gpu);
         let entry = |glows| shaders::shade_layer(glows, permutations.shadow.float_maps);
         let shade = |glows| ComputePipeline::new(gpu, library, &entry(glows), shared, &constants);
         Ok(Self {
@@ -226,6 +226,7 @@ impl Transparency {
         let targets = Targets {
             color: &[Attachment {
                 texture: visibility,
+                layer: 0,
                 clear: Some(wgpu::Color::TRANSPARENT),
                 resolve: None,
             }],

@@ -403,13 +403,14 @@ fn a_picture_lit_through_computed_maps_is_that_of_the_hardwares() {
     stage.light(spot, 3.0, None, Vec3::new(-1.0, 2.0, 0.0), Vec3::new(0.3, -1.0, 0.0));
     stage.light(LightKind::Point, 1.0, None, Vec3::new(0.3, 1.5, 0.4), Vec3::NEG_Y);
     let gpu = device_guaranteed();
-    let changes: [&[(&str, &str)]; 4] = [
+    let changes: [&[(&str, &str)]; 5] = [
         &[("shadow.layout", "single"), ("shadow.filter", "none")],
         &[("shadow.layout", "cascaded"), ("shadow.pcf_kernel", "5")],
         &[("shadow.fit", "depth"), ("shadow.bias.receiver_plane", "false")],
         &[("shadow.pcf_kernel", "disc")],
+        &[("shadow.representation", "evsm4"), ("shadow.filter", "gaussian")],
     ];
-    for (change, forward) in changes.into_iter().zip([false, false, true, true]) {
+    for (change, forward) in changes.into_iter().zip([false, false, true, true, false]) {
         let images = ["hardware", "compute"].map(|raster| {
             let all = [change, &[("shadow.raster", raster), ("shadow.resolution", "256")]].concat();
             let mut settings = direct(&all);

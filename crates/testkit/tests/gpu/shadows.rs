@@ -237,3 +237,48 @@ fn a_map_is_rendered_again_only_when_its_light_or_its_casters_changed() {
     renderer.set(uncached).unwrap();
     assert!(renders(&mut renderer, &second) && renders(&mut renderer, &second), "the cache is off");
 }
+
+#[test]
+fn glass_tints_the_light_it_lets_through_where_asked() {
+    let mut stage = floor();
+    let glass = stage.material(Material {
+        base_color: Vec3::new(0.9, 0.5, 0.1).extend(1.0),
+        transmission: 0.8,
+        specular: 0.0,
+        double_sided: true,
+        ..Material::default()
+    });
+    let opaque = stage.lambert(1.0);
+    // The floor is seen past the glass: the sun comes from the side.
+    let direction = Vec3::new(1.0, -1.0, 0.0).normalize();
+    stage.quad(Vec3::new(-0.6, 1.2, 0.0), Vec3::X * 0.5, Vec3::NEG_Z * 0.5, glass);
+    stage.quad(Vec3::new(-0.6, 1.2, 1.5), Vec3::X * 0.5, Vec3::NEG_Z * 0.5, opaque);
+    // Above the glass: not tinted, and a full shadow.
+    stage.quad(Vec3::new(-1.4, 2.0, -0.3), Vec3::X * 0.2, Vec3::NEG_Z * 0.2, opaque);
+    stage.sun(PI / -direction.y, direction);
+    let gpu = device();
+    for filter in [["depth", "pcf"], ["evsm4", "gaussian"]] {
+        let changes = [("shadow.representation", filter[0]), ("shadow.filter", filter[1])];
+        let mut studio = Studio::new(&gpu, direct(&changes));
+        let scene = studio.load(&stage.scene);
+        let (half, side) = (2.0, 128);
+        let mut at = |studio: &mut Studio, x: f32, z: f32| {
+            let image = studio.radiance(&scene, &camera_above(half), [side; 2], 1);
+            let pixel = ((Vec2::new(x, z) + half) / (2.0 * half) * side as f32).as_uvec2();
+            Vec3::from(image.pixels()[(pixel.y * side + pixel.x) as usize])
+        };
+        let shadow = Vec2::new(0.6, 0.0);
+        let full = at(&mut studio, shadow.x, shadow.y);
+        assert!(full.max_element() < 0.02, "glass casts a full shadow: {full}");
+        let mut tinted = direct(&changes);
+        tinted.set("shadow.transmission_tint", "true").unwrap();
+        studio.set(tinted);
+        let found = at(&mut studio, shadow.x, shadow.y);
+        let expected = 0.8 * Vec3::new(0.9, 0.5, 0.1);
+        assert!(found.distance(expected) < 0.01, "{filter:?}: {found} is not {expected}");
+        let (lit, dark, above) =
+            (at(&mut studio, 1.5, -1.0), at(&mut studio, 0.6, 1.5), at(&mut studio, -1.4, -0.3));
+        assert!(lit.distance(Vec3::ONE) < 0.02 && dark.max_element() < 0.02, "{filter:?}: {lit}, {dark}");
+        assert!(above.distance(Vec3::ONE) < 0.02, "{filter:?}: above the glass {above}");
+    }
+}

@@ -1,0 +1,103 @@
+//! Tinted shadows of see-through casters: an approximation for scenes without caustics (`shadow.transmission_tint`).
+//!
+//! The light that glass lets through goes straight on, in the glass' colour: it is neither refracted nor focused, and
+//! nothing is lost to reflection. See-through casters then leave the depth maps and are drawn into two maps of their
+//! own, the depth of the nearest and the product of what all let through.
+
+use chiaro_gpu::shader::Library;
+use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
+use chiaro_gpu::{
+    Attachment, Bind, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
+    RenderPipelineOptions, Targets, Texture, TextureOptions,
+};
+
+use crate::shaders;
+use crate::surface::SceneFacts;
+use crate::surface::culling::{DrawLists, draw_classes};
+use crate::surface::scene::{KINDS, SEE_THROUGH};
+
+/// The maps of see-through casters; stand-ins of one texel where there are none.
+#[derive(Clone, Debug)]
+pub struct TintMaps {
+    /// Depth32Float array, a layer per view: the nearest see-through caster, reversed.
+    pub through: Texture,
+    /// Rgba8Unorm array: the share of the light that passes all of them.
+    pub tint: Texture,
+}
+
+impl TintMaps {
+    pub(super) fn new(gpu: &Gpu, side: u32, layers: u32) -> Self {
+        let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT;
+        let make = |name, format| {
+            let options = TextureOptions::new(side, side, format, usage).array(layers);
+            Texture::new(gpu, name, Life::Kept, options)
+        };
+        Self {
+            through: make("shadow_through", TextureFormat::Depth32Float),
+            tint: make("shadow_tint", TextureFormat::Rgba8Unorm),
+        }
+    }
+
+    pub(super) fn binds(&self) -> [Bind<'_>; 2] {
+        [("shadow_through", (&self.through).into()), ("shadow_tint", (&self.tint).into())]
+    }
+}
+
+/// The pass that multiplies tints.
+#[derive(Debug)]
+pub(super) struct Tint {
+    pipelines: [RenderPipeline; KINDS],
+}
+
+impl Tint {
+    pub fn new(
+        gpu: &Gpu,
+        library: &Library,
+        shared: &[&GroupLayout],
+        facts: SceneFacts,
+    ) -> Result<Self, GpuError> {
+        let product = wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::Dst,
+            dst_factor: wgpu::BlendFactor::Zero,
+            operation: wgpu::BlendOperation::Add,
+        };
+        let target = [wgpu::ColorTargetState {
+            format: TextureFormat::Rgba8Unorm,
+            blend: Some(wgpu::BlendState { color: product, alpha: wgpu::BlendComponent::REPLACE }),
+            write_mask: wgpu::ColorWrites::ALL,
+        }];
+        let constants = facts.constants();
+        let make = || {
+            let options = RenderPipelineOptions {
+                targets: &target,
+                unclipped_depth: gpu.optional.depth_clip_control,
+                constants: &constants,
+                ..Default::default()
+            };
+            RenderPipeline::new(gpu, library, &shaders::plain("shadow/tint.vs.wesl"), shared, &options)
+        };
+        Ok(Self { pipelines: [make()?, make()?, make()?, make()?] })
+    }
+
+    /// Draws the see-through casters of one view: `depth` are the pipelines of depth maps.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        shared: &[&Group],
+        depth: &[RenderPipeline; KINDS],
+        (maps, layer): (&TintMaps, u32),
+        binds: &[Bind<'_>],
+        (lists, view): (&DrawLists, usize),
+    ) {
+        let nearest = DepthAttachment { texture: &maps.through, layer, clear: Some(0.0) };
+        let targets = Targets { color: &[], depth: Some(nearest) };
+        frame.render("shadow/through", targets, |pass| {
+            draw_classes(pass, depth, SEE_THROUGH, shared, binds, (lists, view, true));
+        });
+        let color =
+            [Attachment { texture: &maps.tint, layer, clear: Some(wgpu::Color::WHITE), resolve: None }];
+        frame.render("shadow/tint", Targets { color: &color, depth: None }, |pass| {
+            draw_classes(pass, &self.pipelines, SEE_THROUGH, shared, binds, (lists, view, true));
+        });
+    }
+}
