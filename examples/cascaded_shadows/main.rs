@@ -125,7 +125,7 @@ mod tests {
         let gpu = pollster::block_on(Gpu::new(GpuOptions::default())).unwrap();
         let picture = picture(&gpu).unwrap();
         let red = |x: usize, y: usize| picture.bytes()[3 * (y * SIZE[0] as usize + x)];
-        let floor = (0..SIZE[0] as usize).map(|x| red(x, 480));
+        let floor = (0..SIZE[0] as usize).map(|x| red(x, 440));
         let lit = floor.clone().filter(|&level| level > 150).count();
         let dark = floor.filter(|&level| level < 110).count();
         assert!(lit > 300 && dark > 40, "{lit} pixels of the floor are lit, {dark} in shadow");

@@ -10,6 +10,7 @@ use crate::shaders;
 use crate::shadow::DrawView;
 use crate::shadow::cascades::SunFit;
 use crate::shadow::moments::Blur;
+use crate::shadow::raster::{RasterData, RasterViewData};
 use crate::shared::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::surface::clusters::ClusterData;
 use crate::surface::culling::{CullClasses, CullView};
@@ -198,6 +199,22 @@ fn rust_structs_equal_their_wesl_twins() {
         weights
     );
     same!(&linked("surface/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride);
+    let raster = &linked("shadow/raster/resolve.cs.wesl");
+    same!(raster, RasterViewData, "RasterView", clip_from_ws, depth_limit, layer, reserved0, reserved1);
+    same!(
+        raster,
+        RasterData,
+        "Raster",
+        resolution,
+        columns,
+        texels,
+        anisotropy,
+        list_stride,
+        capacity,
+        reserved0,
+        reserved1,
+        views,
+    );
 }
 
 #[test]

@@ -172,7 +172,8 @@ impl Culling {
         let storage = BufferUsages::STORAGE;
         let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let list = 12 * u64::from(scene.triangle_count) * views as u64;
-        let arguments = (views * CLASSES) as u64 * ARGUMENT_BYTES;
+        // As a uniform its size is that of the shader's array.
+        let arguments = (MAX_VIEWS * CLASSES) as u64 * ARGUMENT_BYTES;
         let buffer = |name, size, usage| Buffer::new(gpu, name, Life::Frame, size, usage);
         self.buffers = Some(Buffers {
             views: Buffer::new(gpu, "cull_views", Life::Frame, size_of::<CullViews>() as u64, uniform),
@@ -180,7 +181,11 @@ impl Culling {
             offsets: buffer("cull_offsets", 4 * u64::from(scene.item_count) * views as u64, storage),
             lists: DrawLists {
                 list: buffer("draw_list", list, storage | BufferUsages::INDEX),
-                arguments: buffer("draw_arguments", arguments, storage | BufferUsages::INDIRECT),
+                arguments: buffer(
+                    "draw_arguments",
+                    arguments,
+                    storage | BufferUsages::INDIRECT | BufferUsages::UNIFORM,
+                ),
             },
             view_capacity: views,
             items: scene.item_count,
