@@ -172,7 +172,7 @@ fn rust_structs_equal_their_wesl_twins() {
         thickness_texture,
     );
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
-    same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags);
+    same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags, hole);
     let instances = &linked("motion/instances.cs.wesl");
     same!(instances, InstanceMove, "InstanceMove", world_from_object, max_scale, flags, instance, reserved);
     same!(
@@ -238,9 +238,13 @@ fn a_struct_that_differs_is_found() {
         least_near_m,
         first_view,
         count,
-        casters_near_m,
-        clamps_depth,
+        near_m,
+        far_m,
+        own_range,
+        holes,
+        blend,
+        reserved,
     );
     same!(fit, DrawView, "DrawView", clip_from_ws, near_m, share, resolution, reserved, padding);
-    same!(fit, CullView, "CullView", planes, eye_ws, flags);
+    same!(fit, CullView, "CullView", planes, eye_ws, flags, hole);
 }

@@ -378,7 +378,7 @@ impl ShadowMaps {
 
 fn cull_view(view: &ShadowView, keeps_near: bool) -> CullView {
     if view.data.projection != ShadowViewData::PARABOLOID {
-        return CullView::new(&view.clip_from_ws, view.eye_ws, false, keeps_near);
+        return CullView::new(&view.clip_from_ws, view.eye_ws, false, keeps_near).without(view.hole);
     }
     // The hemisphere, and a little more for filters: a texel is at most this large an angle.
     let plane = view.clip_from_ws.row(2);
