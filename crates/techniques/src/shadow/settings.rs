@@ -279,21 +279,19 @@ impl ShadowSettings {
 
 /// The table of representations and filters: why a pair is refused, or nothing.
 fn refused_pair((representation, filter): (Representation, Filter)) -> Option<&'static str> {
-    let depth = representation == Representation::Depth;
-    match filter {
-        Filter::None => None,
-        Filter::Pcf if depth => None,
-        Filter::Pcf => {
+    match (representation == Representation::Depth, filter) {
+        (_, Filter::None)
+        | (true, Filter::Pcf | Filter::Pcss)
+        | (false, Filter::Gaussian | Filter::Mip | Filter::GaussianMip) => None,
+        (false, Filter::Pcf) => {
             Some("comparisons are averaged for depth; maps of moments take gaussian, mip or gaussian-mip")
         }
-        Filter::Pcss if depth => None,
-        Filter::Pcss => {
+        (false, Filter::Pcss) => {
             Some("the search for blockers needs their depths; take shadow.representation = depth")
         }
-        Filter::Gaussian | Filter::Mip | Filter::GaussianMip if depth => Some(
+        (true, Filter::Gaussian | Filter::Mip | Filter::GaussianMip) => Some(
             "an average of depths is no depth of anything; take pcf or pcss, or a representation of moments \
              (variance, exponential, evsm2, evsm4, moments)",
         ),
-        Filter::Gaussian | Filter::Mip | Filter::GaussianMip => None,
     }
 }

@@ -258,7 +258,8 @@ fn glass_tints_the_light_it_lets_through_where_asked() {
     stage.sun(PI / -direction.y, direction);
     let gpu = device();
     for filter in [["depth", "pcf"], ["evsm4", "gaussian"]] {
-        let changes = [("shadow.representation", filter[0]), ("shadow.filter", filter[1])];
+        let resolution = ("shadow.resolution", "512");
+        let changes = [("shadow.representation", filter[0]), ("shadow.filter", filter[1]), resolution];
         let mut studio = Studio::new(&gpu, direct(&changes));
         let scene = studio.load(&stage.scene);
         let (half, side) = (2.0, 128);
