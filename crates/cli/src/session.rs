@@ -14,7 +14,7 @@ pub struct Session {
     pub scene_name: String,
     pub view: View,
     pub size: [u32; 2],
-    source: Scene,
+    pub source: Scene,
     eye: Eye,
 }
 

@@ -16,4 +16,5 @@ mod shadow_table;
 mod shadows;
 mod surface;
 mod textures;
+mod trace;
 mod transparency;
