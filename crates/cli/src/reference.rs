@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use chiaro::scene::Scene;
 use chiaro::{PathOptions, Pixels, Recorder, Reference};
 use chiaro_image::{Precision, write_exr};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -18,7 +19,7 @@ const MOST: u32 = 64;
 
 pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     let settings = SettingsArgs { preset: None, set: args.set.clone(), seed: args.seed, pipeline: None };
-    let session = Session::open(&args.scene, &settings)?;
+    let session = Session::open_with(&args.scene, &settings, Scene::add_default_view_to_trace)?;
     let Session { gpu, renderer, scene, view, size, source, .. } = &session;
     if session.duration_s().is_some() {
         eprintln!("note: this scene moves; the reference shows it at time 0");

@@ -18,3 +18,4 @@ mod surface;
 mod textures;
 mod trace;
 mod transparency;
+mod truth;
