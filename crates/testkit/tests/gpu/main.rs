@@ -2,6 +2,7 @@
 //! pipelines against each other, references, goldens.
 
 mod brdf;
+mod brdf_sample;
 mod culling;
 mod environment;
 mod goldens;

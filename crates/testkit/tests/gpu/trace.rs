@@ -67,7 +67,8 @@ fn random_rays(scene: &Scene, count: usize) -> Vec<Ray> {
         let (origin, target) = (point(), point());
         let direction = (target - origin).normalize();
         // Every eighth along an axis, where slabs divide by zero.
-        let direction = if i % 8 == 0 { Vec3::AXES[i / 8 % 3] * direction.z.signum() } else { direction };
+        let direction =
+            if i.is_multiple_of(8) { Vec3::AXES[i / 8 % 3] * direction.z.signum() } else { direction };
         Ray { origin, t_min: 0.0, direction, t_max: (target - origin).length() }
     };
     (0..count).map(ray).collect()

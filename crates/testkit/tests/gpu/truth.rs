@@ -129,6 +129,7 @@ fn a_patch_receives_what_the_form_factor_of_a_lamp_says() {
 
 #[test]
 fn light_bounces_once_between_two_patches_as_their_form_factor_says() {
+    const STEPS: u32 = 256;
     // A sunlit floor of 2 × 2 m, and a wall over its edge that the sun, straight above, does not light.
     let mut stage = Stage::new();
     let material = stage.lambert(ALBEDO);
@@ -136,9 +137,8 @@ fn light_bounces_once_between_two_patches_as_their_form_factor_says() {
     stage.quad(Vec3::new(0.0, 1.0, -1.0), Vec3::X, Vec3::Y, material);
     stage.sun(1000.0, Vec3::NEG_Y);
     let view = View::look_at(Vec3::new(0.0, 1.0, 6.0), Vec3::new(0.0, 1.0, -1.0), 0.02, 0.1);
-    let image = trace(&stage.scene, (&view, [16, 16]), depth(3), &[64]);
+    let image = trace(&stage.scene, (&view, [16, 16]), depth(3), &[256, 256]);
     // The camera sees a spot of the wall 0.14 m wide around its middle.
-    const STEPS: u32 = 256;
     let step = 2.0 / STEPS as f32;
     let on = |i: u32| (i as f32 + 0.5) * step - 1.0;
     let factor = (0..STEPS * STEPS)
@@ -149,44 +149,48 @@ fn light_bounces_once_between_two_patches_as_their_form_factor_says() {
         .sum::<f32>();
     let expected = 1000.0 * ALBEDO / PI * factor * ALBEDO;
     let found = mean(&image, |_, _| true);
-    assert!((found / expected - 1.0).abs() < 0.005, "{found} is not {expected}");
+    assert!((found / expected - 1.0).abs() < 0.01, "{found} is not {expected}");
 }
 
-fn environment(nits: impl Fn(u32, u32) -> f32) -> Option<Environment> {
+fn environment(nits: impl Fn(u32, u32) -> f32) -> Environment {
     let (width, height) = (128, 64);
     let texels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     let radiance = texels.map(|(x, y)| Vec3::splat(nits(x, y))).collect();
-    Some(Environment { name: "test".into(), width, height, radiance })
+    Environment { name: "test".into(), width, height, radiance }
 }
 
 #[test]
 fn a_white_furnace_stays_white() {
     const ROUGHNESSES: [f32; 6] = [0.0, 0.1, 0.3, 0.5, 0.7, 1.0];
     const METALLIC: [f32; 4] = [1.0, 0.5, 0.25, 0.0];
-    for target in [Vec3::new(0.0, -1.0, -0.2), Vec3::new(0.0, -1.0, -2.5)] {
-        let mut stage = Stage::new();
-        stage.scene.environment = environment(|_, _| 1.0);
-        // Every patch fills a quarter of a picture; from straight above, and at 68 degrees.
-        let eye = Vec3::new(0.0, 2.0, 0.0);
-        for (row, metallic) in METALLIC.into_iter().enumerate() {
-            for (column, roughness) in ROUGHNESSES.into_iter().enumerate() {
-                let white = Material { metallic, roughness, double_sided: true, ..Material::default() };
-                let white = stage.material(white);
-                let at = Vec3::new(20.0 * column as f32, -50.0 * row as f32, 0.0);
-                stage.quad(at, Vec3::X * 8.0, Vec3::NEG_Z * 8.0, white);
-            }
+    let at = |row: usize, column: usize| Vec3::new(2.0 * column as f32 - 5.0, 0.0, 2.0 * row as f32 - 3.0);
+    let mut stage = Stage::new();
+    // Black below, where the camera would look past a patch.
+    stage.scene.environment = Some(environment(|_, y| if y <= 33 { 1.0 } else { 0.0 }));
+    for (row, metallic) in METALLIC.into_iter().enumerate() {
+        for (column, roughness) in ROUGHNESSES.into_iter().enumerate() {
+            let white = stage.material(Material { metallic, roughness, ..Material::default() });
+            stage.quad(at(row, column), Vec3::X, Vec3::NEG_Z, white);
         }
-        let mut studio = Studio::new(&device_guaranteed(), direct(&[]));
+    }
+    let size = [96, 64];
+    // From 11 and from 60 degrees, far away.
+    for towards in [Vec3::new(0.0, 1.0, 0.2), Vec3::new(0.0, 1.0, 1.73)] {
+        let view = View::look_at(towards * 100.0, Vec3::ZERO, 0.075, 0.1);
+        let image = trace(&stage.scene, (&view, size), depth(0), &[128]);
         for (row, metallic) in METALLIC.into_iter().enumerate() {
             for (column, roughness) in ROUGHNESSES.into_iter().enumerate() {
-                let at = Vec3::new(20.0 * column as f32, -50.0 * row as f32, 0.0);
-                let view = View::look_at(at + eye, at + eye + target, 0.02, 0.1);
-                let image = studio.truth(&stage.scene, (&view, [16, 16]), depth(0), &[128]);
-                let found = mean(&image, |_, _| true);
+                let ndc = view.clip_from_ws(size, Vec2::ZERO).project_point3(at(row, column));
+                let middle = (Vec2::new(ndc.x, -ndc.y) * 0.5 + 0.5) * Vec2::new(96.0, 64.0);
+                let near = |x: u32, y: u32| {
+                    let away = (Vec2::new(x as f32, y as f32) + 0.5 - middle).abs();
+                    away.x < 3.0 && away.y < 2.0
+                };
+                let found = mean(&image, near);
                 let range = if metallic == 1.0 { 0.99..1.01 } else { 0.95..1.01 };
                 assert!(
                     range.contains(&found),
-                    "metallic {metallic} roughness {roughness} {target}: {found}"
+                    "metallic {metallic} roughness {roughness} {towards}: {found}"
                 );
             }
         }
@@ -197,7 +201,7 @@ fn a_white_furnace_stays_white() {
 fn a_bright_texel_of_the_environment_lights_like_its_solid_angle() {
     let mut stage = floor();
     let (row, column) = (16, 40);
-    stage.scene.environment = environment(|x, y| if (x, y) == (column, row) { 1000.0 } else { 0.0 });
+    stage.scene.environment = Some(environment(|x, y| if (x, y) == (column, row) { 1000.0 } else { 0.0 }));
     let edge = |row: f32| (row / 64.0 * PI).cos();
     // The cube that holds the map has texels of its own: a few percent for a single one.
     let angle = 2.0 * PI / 128.0 * (edge(row as f32) - edge(row as f32 + 1.0));
@@ -253,7 +257,7 @@ fn a_glass_slab_reflects_refracts_and_absorbs() {
         stage.quad(Vec3::NEG_Y, Vec3::X * 60.0, Vec3::NEG_Z * 60.0, shining);
         let towards = Vec3::new(angle.sin(), angle.cos(), 0.0);
         let view = View::look_at(towards * 5.0, Vec3::ZERO, 0.002, 0.1);
-        let image = trace(&stage.scene, (&view, [16, 16]), depth(0), &[256]);
+        let image = trace(&stage.scene, (&view, [8, 8]), depth(0), &[256]);
         // Light that went back and forth inside arrives too; the black lamp returns nothing.
         let inside = (1.0 - (angle.sin() / ior).powi(2)).sqrt();
         let passes = colour.powf(thick / inside / distance);
@@ -267,9 +271,9 @@ fn a_glass_slab_reflects_refracts_and_absorbs() {
 #[test]
 fn light_under_water_is_as_bright_above_it() {
     // A uniform sky through a rough and a smooth surface of a medium with a white floor: all that enters comes back.
-    for roughness in [0.0, 0.4] {
+    for roughness in [0.0, 0.2] {
         let mut stage = Stage::new();
-        stage.scene.environment = environment(|_, _| 1.0);
+        stage.scene.environment = Some(environment(|_, _| 1.0));
         let white = stage.lambert(1.0);
         stage.quad(Vec3::NEG_Y * 0.01, Vec3::X * 500.0, Vec3::NEG_Z * 500.0, white);
         let water =
@@ -277,7 +281,7 @@ fn light_under_water_is_as_bright_above_it() {
         let water = stage.material(water);
         stage.quad(Vec3::ZERO, Vec3::X * 500.0, Vec3::NEG_Z * 500.0, water);
         let view = View::look_at(Vec3::new(0.0, 2.0, 1.0), Vec3::ZERO, 0.02, 0.1);
-        let found = mean(&trace(&stage.scene, (&view, [16, 16]), depth(0), &[256]), |_, _| true);
+        let found = mean(&trace(&stage.scene, (&view, [8, 8]), depth(0), &[512]), |_, _| true);
         // Rough interfaces lose what facets scatter to each other.
         let least = if roughness > 0.0 { 0.93 } else { 0.99 };
         assert!(found > least && found < 1.01, "{roughness}: {found}");

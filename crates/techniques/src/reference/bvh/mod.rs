@@ -95,7 +95,9 @@ impl TraceData {
                 .clone()
                 .flat_map(|cluster| cluster_triangles(scene, &cut, cluster, drawn.instance))
                 .collect();
-            references.iter().for_each(|reference| emitters.add_triangle(reference));
+            for reference in &references {
+                emitters.add_triangle(reference);
+            }
             let shared = uses[drawn.mesh] > 1 && triangles(&drawn.clusters) >= SHARED_TRIANGLES;
             if drawn.fixed && !shared {
                 fixed.extend(references);

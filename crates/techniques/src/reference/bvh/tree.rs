@@ -3,6 +3,8 @@
 //! An inner node is four words: lo₀ and a reference to child 0, hi₀ and a reference to child 1, lo₁, hi₁. A reference
 //! is the index of a node's first word, or of a leaf's with their count above.
 
+use std::time::Duration;
+
 use glam::Vec3A;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
@@ -39,7 +41,7 @@ pub(super) fn write(
         return Tree { root: EMPTY, bounds: Aabb::INVALID };
     }
     let params = BvhBuildParams { max_prims_per_leaf: most, ..BvhBuildParams::medium_build() };
-    let mut bvh = build_bvh2(boxes, params, &mut Default::default());
+    let mut bvh = build_bvh2(boxes, params, &mut Duration::default());
     if depth(&bvh) > deepest {
         // A chain of nested boxes, for one. The tree's own order is a good one, cut in halves.
         bvh = balanced(boxes, &leaves_in_order(&bvh), most as usize);
@@ -135,7 +137,7 @@ mod tests {
         let boxes: Vec<_> =
             (0..120).map(|i| Aabb::new(Vec3A::ZERO, Vec3A::splat(1.5f32.powi(i - 60)))).collect();
         let params = BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
-        let deep = build_bvh2(&boxes, params, &mut Default::default());
+        let deep = build_bvh2(&boxes, params, &mut Duration::default());
         let flat = balanced(&boxes, &leaves_in_order(&deep), 1);
         assert!(depth(&deep) > UPPER_DEPTH && depth(&flat) == 7, "{} and {}", depth(&deep), depth(&flat));
         let mut seen = leaves_in_order(&flat);
