@@ -181,7 +181,7 @@ fn cost(row: &Row, measured: Measured) -> Cost {
     let timings = measured.timings;
     let sum = |prefix: &str| {
         let passes = timings.iter().flat_map(|summary| &summary.passes);
-        passes.filter(|pass| pass.name.starts_with(prefix)).map(|pass| pass.time.median_ms).sum()
+        passes.filter(|pass| pass.name.starts_with(prefix)).fold(0.0, |sum, pass| sum + pass.time.median_ms)
     };
     Cost {
         name: row.name.clone(),

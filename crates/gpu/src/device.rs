@@ -232,6 +232,14 @@ impl Gpu {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
 
+    /// Whether the adapter's compute is far stronger than its raster hardware: the data-centre cards that NVIDIA builds with
+    /// only a few units for graphics.
+    pub fn rasters_slowly(&self) -> bool {
+        const CARDS: [&str; 10] =
+            ["A100", "A800", "H100", "H800", "H200", "H20", "GH200", "B100", "B200", "GB200"];
+        self.info.name.split([' ', '-', '_']).any(|word| CARDS.contains(&word))
+    }
+
     /// Optional features with what they are for, and whether this device has them.
     pub fn feature_table(&self) -> impl Iterator<Item = (&'static str, &'static str, bool)> {
         let has = self.device.features();

@@ -101,6 +101,8 @@ impl Kit {
 pub struct Plan {
     kit: Kit,
     settings: Settings,
+    // With nothing left to the adapter.
+    resolved: Settings,
     facts: SceneFacts,
     generation: u64,
     missing: Missing,
@@ -160,6 +162,7 @@ fn permutations(settings: &Settings, facts: SceneFacts) -> Permutations {
 pub struct Built {
     pub(crate) kit: Kit,
     pub(crate) settings: Settings,
+    pub(crate) resolved: Settings,
     pub(crate) generation: u64,
     pub(crate) is_empty: bool,
     pub(crate) frame_group: Option<FrameGroup>,
@@ -178,7 +181,8 @@ impl Plan {
         generation: u64,
         missing: Missing,
     ) -> Self {
-        Self { kit, settings, facts, generation, missing }
+        let resolved = settings.resolved(&kit.gpu);
+        Self { kit, settings, resolved, facts, generation, missing }
     }
 
     /// Whether nothing is to be compiled: [`Plan::build`] is then free.
@@ -188,7 +192,7 @@ impl Plan {
 
     /// What shaders that look up lights are compiled for once the plan is installed.
     pub fn permutations(&self) -> Permutations {
-        permutations(&self.settings, self.facts)
+        permutations(&self.resolved, self.facts)
     }
 
     /// What it compiles with.
@@ -202,16 +206,17 @@ impl Plan {
     /// When a shader does not link or compile.
     pub fn build(self) -> Result<Built, Error> {
         let is_empty = self.is_empty();
-        let Self { kit, settings, facts, generation, missing } = self;
+        let Self { kit, settings, resolved, facts, generation, missing } = self;
         Ok(Built {
             frame_group: missing.frame_group.then(|| kit.frame_group()).transpose()?,
             motion: missing.motion.then(|| kit.motion()).transpose()?,
             surfaces: missing.surfaces.then(|| kit.surfaces(facts)).transpose()?,
-            shadows: missing.shadows.then(|| kit.shadows(&settings, facts)).transpose()?,
-            direct: missing.direct.then(|| kit.direct(&settings, facts)).transpose()?,
-            transparency: missing.transparency.then(|| kit.transparency(&settings, facts)).transpose()?,
+            shadows: missing.shadows.then(|| kit.shadows(&resolved, facts)).transpose()?,
+            direct: missing.direct.then(|| kit.direct(&resolved, facts)).transpose()?,
+            transparency: missing.transparency.then(|| kit.transparency(&resolved, facts)).transpose()?,
             kit,
             settings,
+            resolved,
             generation,
             is_empty,
         })

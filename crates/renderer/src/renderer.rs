@@ -8,6 +8,7 @@ use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
 use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
 use chiaro_techniques::motion::Motion;
 use chiaro_techniques::shaders;
+use chiaro_techniques::shadow::raster::ComputeRaster;
 use chiaro_techniques::shadow::{CameraView, FitInputs, ShadowMaps, ShadowViews, fit};
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
 use chiaro_techniques::surface::culling::CullView;
@@ -39,6 +40,8 @@ pub(crate) struct Passes {
 pub struct Renderer {
     kit: Kit,
     settings: Settings,
+    // The same with nothing left to the adapter.
+    resolved: Settings,
     passes: Passes,
     // Counts installations of passes, so that a plan made before the last one is known.
     generation: u64,
@@ -81,11 +84,13 @@ impl Renderer {
 
     fn with(kit: Kit, settings: Settings, facts: SceneFacts) -> Result<Self, Error> {
         check(&kit.gpu, &settings)?;
-        let passes = kit.passes(&settings, facts)?;
+        let resolved = settings.resolved(&kit.gpu);
+        let passes = kit.passes(&resolved, facts)?;
         kit.gpu.check()?;
         Ok(Self {
             kit,
             settings,
+            resolved,
             passes,
             generation: 0,
             pool: TexturePool::default(),
@@ -113,7 +118,7 @@ impl Renderer {
     pub fn plan(&self, settings: Settings, facts: SceneFacts) -> Result<Plan, Error> {
         check(&self.kit.gpu, &settings)?;
         let facts = self.passes.surfaces.facts().union(facts);
-        let missing = Missing::from(&self.passes, &settings, facts);
+        let missing = Missing::from(&self.passes, &settings.resolved(&self.kit.gpu), facts);
         Ok(Plan::new(self.kit.clone(), settings, facts, self.generation, missing))
     }
 
@@ -131,6 +136,7 @@ impl Renderer {
             return false;
         }
         self.settings = built.settings;
+        self.resolved = built.resolved;
         if built.is_empty {
             return true;
         }
@@ -221,7 +227,7 @@ impl Renderer {
         jitter_px: Vec2,
         footprint_scale: f32,
     ) {
-        let settings = &self.settings;
+        let settings = &self.resolved;
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
         let steady = view.clip_from_ws(size_px, Vec2::ZERO);
         let bounds = scene.gpu.bounds_ws;
@@ -290,7 +296,8 @@ impl Renderer {
         let views = shadow_views.views.len();
         self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), views, environment);
         self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
-        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, &settings.shadow);
+        let (shadow, anisotropy) = (&settings.shadow, settings.surface.anisotropy);
+        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, shadow, anisotropy);
         self.passes.direct.reserve(&self.kit.gpu, &self.pool, size_px, grid, forward);
         if let Some(transparency) = &mut self.passes.transparency {
             transparency.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px, settings.surface.layers);
@@ -317,7 +324,7 @@ impl Renderer {
             sky: prepared.sky,
             wants_surface,
         };
-        record(&self.settings, &mut self.passes, frame, &inputs)
+        record(&self.resolved, &mut self.passes, frame, &inputs)
     }
 }
 
@@ -351,6 +358,12 @@ fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {
         ));
     }
     let side = settings.shadow.resolution;
+    if settings.shadow.computes_maps() && ComputeRaster::views_at_once(gpu, side) == 0 {
+        return Err(Error::Combination(format!(
+            "shadow.resolution = {side} is more than shadow.raster = compute can do on {}",
+            gpu.info.name
+        )));
+    }
     if side > gpu.limits.max_texture_dimension_2d {
         return Err(Error::Combination(format!(
             "shadow.resolution = {side} is more than {} allows ({})",

@@ -1,11 +1,12 @@
 //! All settings of all techniques, by key.
 
+use chiaro_gpu::Gpu;
 use chiaro_techniques::caustics::CausticsSettings;
 use chiaro_techniques::environment::EnvironmentSettings;
 use chiaro_techniques::indirect::IndirectSettings;
 use chiaro_techniques::post::CameraSettings;
 use chiaro_techniques::settings::{Field, SettingsGroup};
-use chiaro_techniques::shadow::ShadowSettings;
+use chiaro_techniques::shadow::{Raster, ShadowSettings};
 use chiaro_techniques::surface::SurfaceSettings;
 
 use crate::Error;
@@ -116,6 +117,15 @@ fn get_in<G: SettingsGroup>(group: &G, key: &str) -> Option<String> {
 }
 
 impl Settings {
+    /// These settings with nothing left to the adapter.
+    pub fn resolved(&self, gpu: &Gpu) -> Self {
+        let mut settings = self.clone();
+        if settings.shadow.raster == Raster::Auto {
+            settings.shadow.raster = if gpu.rasters_slowly() { Raster::Compute } else { Raster::Hardware };
+        }
+        settings
+    }
+
     /// Every setting there is, described.
     pub fn fields() -> Vec<Field> {
         let groups = [

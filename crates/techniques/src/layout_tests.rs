@@ -11,6 +11,7 @@ use crate::shaders;
 use crate::shadow::DrawView;
 use crate::shadow::cascades::SunFit;
 use crate::shadow::moments::Blur;
+use crate::shadow::raster::{RasterData, RasterViewData};
 use crate::shared::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::surface::clusters::ClusterData;
 use crate::surface::culling::{CullClasses, CullView};
@@ -184,7 +185,7 @@ fn rust_structs_equal_their_wesl_twins() {
         reserved1,
     );
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
-    same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags);
+    same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags, hole);
     let instances = &linked("motion/instances.cs.wesl");
     same!(instances, InstanceMove, "InstanceMove", world_from_object, max_scale, flags, instance, reserved);
     same!(
@@ -211,6 +212,22 @@ fn rust_structs_equal_their_wesl_twins() {
         weights
     );
     same!(&linked("surface/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride);
+    let raster = &linked("shadow/raster/resolve.cs.wesl");
+    same!(raster, RasterViewData, "RasterView", clip_from_ws, depth_limit, layer, reserved0, reserved1);
+    same!(
+        raster,
+        RasterData,
+        "Raster",
+        resolution,
+        columns,
+        texels,
+        anisotropy,
+        list_stride,
+        capacity,
+        reserved0,
+        reserved1,
+        views,
+    );
 }
 
 #[test]
@@ -234,9 +251,13 @@ fn a_struct_that_differs_is_found() {
         least_near_m,
         first_view,
         count,
-        casters_near_m,
-        clamps_depth,
+        near_m,
+        far_m,
+        own_range,
+        holes,
+        blend,
+        reserved,
     );
     same!(fit, DrawView, "DrawView", clip_from_ws, near_m, share, resolution, reserved, padding);
-    same!(fit, CullView, "CullView", planes, eye_ws, flags);
+    same!(fit, CullView, "CullView", planes, eye_ws, flags, hole);
 }

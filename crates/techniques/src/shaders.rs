@@ -56,6 +56,14 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shadow/moments/warp.wesl"),
     shader!("shadow/paraboloid.vs.wesl"),
     shader!("shadow/projection.wesl"),
+    shader!("shadow/raster/cutout.wesl"),
+    shader!("shadow/raster/draw.wesl"),
+    shader!("shadow/raster/outline.wesl"),
+    shader!("shadow/raster/raster.wesl"),
+    shader!("shadow/raster/resolve.cs.wesl"),
+    shader!("shadow/raster/tile.wesl"),
+    shader!("shadow/raster/tiles.cs.wesl"),
+    shader!("shadow/raster/triangles.cs.wesl"),
     shader!("shadow/tint.vs.wesl"),
     shader!("shared/albedo_table.cs.wesl"),
     shader!("shared/brdf.wesl"),
@@ -102,6 +110,7 @@ pub fn permutations() -> Vec<Permutation> {
         "post/tone_map.cs.wesl",
         "shadow/depth_bounds.cs.wesl",
         "shadow/fit.cs.wesl",
+        "shadow/raster/resolve.cs.wesl",
         "shadow/tint.vs.wesl",
         "shared/albedo_table.cs.wesl",
         "surface/cull_count.cs.wesl",
@@ -118,6 +127,8 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(aov(a));
         all.push(shadow_depth(a));
         all.extend([shadow_paraboloid(a, false), shadow_paraboloid(a, true)]);
+        all.push(raster_triangles(a));
+        all.push(raster_tiles(a));
         for b in [false, true] {
             all.extend([Layer::None, Layer::First, Layer::Next].map(|layer| visibility(a, b, layer)));
             all.extend([forward(a, b, false), forward(a, b, true), shade_layer(a, b), shade(a, b)]);
@@ -224,6 +235,16 @@ pub fn moments_halve(count: u32) -> Permutation {
 /// A hemisphere's depth.
 pub fn shadow_paraboloid(masked: bool, cull_front: bool) -> Permutation {
     Permutation::plain("shadow/paraboloid.vs.wesl").flag("masked", masked).flag("cull_front", cull_front)
+}
+
+/// Small triangles of shadow views, drawn in compute; larger ones in tiles.
+pub fn raster_triangles(masked: bool) -> Permutation {
+    Permutation::plain("shadow/raster/triangles.cs.wesl").flag("masked", masked)
+}
+
+/// Tiles of large triangles of shadow views.
+pub fn raster_tiles(masked: bool) -> Permutation {
+    Permutation::plain("shadow/raster/tiles.cs.wesl").flag("masked", masked)
 }
 
 /// What a visibility buffer shows.

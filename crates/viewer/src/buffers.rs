@@ -16,6 +16,7 @@ enum Source {
     Visibility,
     Emissive,
     ShadowMaps,
+    ShadowMoments,
     LightGrid,
 }
 
@@ -35,7 +36,7 @@ const fn view(name: &'static str, about: &'static str, source: Source, mapping: 
 }
 
 /// All of them; the digits 1 to 9 and 0 choose the first ten.
-pub const BUFFERS: [BufferView; 18] = [
+pub const BUFFERS: [BufferView; 19] = [
     view("radiance", "The frame before averaging and tone mapping", Source::Radiance, Mapping::Exposed),
     view(
         "direct light",
@@ -79,6 +80,12 @@ pub const BUFFERS: [BufferView; 18] = [
         "Depth from each light, a layer each: white is near the light",
         Source::ShadowMaps,
         Mapping::Depth,
+    ),
+    view(
+        "shadow moments",
+        "What was made of the depth, a layer each: the first three numbers, grey is 0",
+        Source::ShadowMoments,
+        Mapping::Signed,
     ),
     view(
         "cascades",
@@ -205,6 +212,10 @@ pub fn draw(
     let drawn = match source {
         Source::Radiance => Some(show(frame, debug, &outputs.radiance, nits)),
         Source::ShadowMaps => Some(show(frame, debug, &outputs.shadows.maps, 1.0)),
+        Source::ShadowMoments => {
+            let moments = &outputs.shadows.moments.moments;
+            (moments.options().width > 1).then(|| show(frame, debug, moments, 1.0))
+        }
         Source::Depth => surface.map(|surface| show(frame, debug, &surface.depth, 1.0)),
         Source::Visibility => surface.map(|surface| show(frame, debug, &surface.visibility, 1.0)),
         Source::Emissive => {

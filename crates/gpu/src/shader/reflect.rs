@@ -1,5 +1,7 @@
 //! What a linked shader binds, read from naga.
 
+use std::collections::HashSet;
+
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use super::Permutation;
@@ -74,13 +76,14 @@ impl Linked {
     /// # Errors
     /// When a binding has a kind that chiaro does not use.
     pub fn bindings(&self) -> Result<Vec<Reflected>, GpuError> {
+        let gathered = self.only_gathered();
         let mut found = Vec::new();
         for (handle, global) in self.module.global_variables.iter() {
             let Some(at) = global.binding else { continue };
             let name = unmangled(global.name.as_deref().unwrap_or_default()).to_owned();
             let mut visibility = wgpu::ShaderStages::empty();
             let mut filtered = false;
-            let mut gathers_depth = false;
+            let mut gathers = false;
             for (index, entry) in self.module.entry_points.iter().enumerate() {
                 let info = self.info.get_entry_point(index);
                 if !info[handle].is_empty() {
@@ -88,18 +91,18 @@ impl Linked {
                 }
                 // A texture sampled through a comparison sampler is a depth texture, whose layout says no filter.
                 filtered |= info.sampling_set.iter().any(|key| key.image == handle);
-                gathers_depth |=
-                    info.sampling_set.iter().any(|key| key.sampler == handle && self.is_depth(key.image));
+                let unfiltered = |image| self.is_depth(image) || gathered.contains(&image);
+                gathers |= info.sampling_set.iter().any(|key| key.sampler == handle && unfiltered(key.image));
             }
             if visibility.is_empty() {
                 // An import may declare more than the entry points use.
                 continue;
             }
             let plain_sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-            let ty = self.binding_type(global, filtered);
-            // Depth cannot be filtered without a comparison.
+            let ty = self.binding_type(global, filtered && !gathered.contains(&handle));
+            // Depth cannot be filtered without a comparison, and 32-bit floats only with an optional feature.
             let ty = match ty {
-                Some(ty) if ty == plain_sampler && gathers_depth => {
+                Some(ty) if ty == plain_sampler && gathers => {
                     Some(wgpu::BindingType::Sampler(wgpu::SamplerBindingType::NonFiltering))
                 }
                 ty => ty,
@@ -139,6 +142,22 @@ impl Linked {
     fn is_depth(&self, image: naga::Handle<naga::GlobalVariable>) -> bool {
         let ty = &self.module.types[self.module.global_variables[image].ty].inner;
         matches!(ty, naga::TypeInner::Image { class: naga::ImageClass::Depth { .. }, .. })
+    }
+
+    /// Textures whose texels are fetched by fours and never filtered.
+    fn only_gathered(&self) -> HashSet<naga::Handle<naga::GlobalVariable>> {
+        let (mut gathered, mut sampled) = (HashSet::new(), HashSet::new());
+        let entries = self.module.entry_points.iter().map(|e| &e.function);
+        for function in self.module.functions.iter().map(|(_, f)| f).chain(entries) {
+            for (_, expression) in function.expressions.iter() {
+                if let naga::Expression::ImageSample { image, gather, .. } = expression
+                    && let naga::Expression::GlobalVariable(texture) = function.expressions[*image]
+                {
+                    if gather.is_some() { &mut gathered } else { &mut sampled }.insert(texture);
+                }
+            }
+        }
+        &gathered - &sampled
     }
 
     fn binding_type(&self, global: &naga::GlobalVariable, filtered: bool) -> Option<wgpu::BindingType> {

@@ -84,8 +84,9 @@ impl DirectLight {
     ) -> Result<Self, GpuError> {
         let shared = &[frame_layout, scene_layout];
         let constants = permutations.constants(gpu);
+        let float_maps = permutations.shadow.float_maps;
         let shade = |emissive| {
-            ComputePipeline::new(gpu, library, &shaders::shade(emissive, false), shared, &constants)
+            ComputePipeline::new(gpu, library, &shaders::shade(emissive, float_maps), shared, &constants)
         };
         let target = [wgpu::ColorTargetState {
             format: TextureFormat::Rgba16Float,
@@ -108,7 +109,7 @@ impl DirectLight {
             RenderPipeline::new(
                 gpu,
                 library,
-                &shaders::forward(masked, multisampled, false),
+                &shaders::forward(masked, multisampled, float_maps),
                 shared,
                 &options,
             )

@@ -248,7 +248,7 @@ impl AovPass {
         permutations: Permutations,
         count: usize,
     ) -> Result<Self, GpuError> {
-        let entry = shaders::aov(false);
+        let entry = shaders::aov(permutations.shadow.float_maps);
         let constants = permutations.constants(gpu);
         let pipeline = ComputePipeline::new(gpu, library, &entry, &[frame_layout], &constants)?;
         Ok(Self { pipeline, inputs: (0..count).map(|_| uniform::<[u32; 4]>(gpu, "aov_input")).collect() })

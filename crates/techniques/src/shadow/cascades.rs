@@ -16,10 +16,10 @@ use glam::{Mat3, Mat4, Vec2, Vec3};
 use super::project::{corners, light_axes, reversed_orthographic};
 use super::record::DrawView;
 use super::views::{Maker, ShadowView, ShadowViews};
-use super::{CameraView, Fit, Representation};
+use super::{CameraView, CascadeSelect, Fit, FitInputs, Representation};
 use crate::shaders;
 use crate::shared::frame::{LightData, ShadowViewData};
-use crate::surface::culling::{CullView, Over};
+use crate::surface::culling::{CullView, Hole, Over};
 
 /// Radii are rounded up to these parts of an octave, so that rounding errors do not move edges.
 const RADIUS_STEPS: f32 = 32.0;
@@ -27,6 +27,9 @@ const RADIUS_STEPS: f32 = 32.0;
 const LEAST_NEAR: f32 = 1e-3;
 /// How far outside the scene the camera is counts in these shares of the distance.
 const BEGIN_STEPS: f32 = 16.0;
+
+/// Holes move by these shares of a cascade's half side.
+const HOLE_STEP: f32 = 0.125;
 
 /// A sun whose cascades are fitted on the GPU; see `fit.cs.wesl`.
 #[repr(C)]
@@ -43,8 +46,22 @@ pub struct SunFit {
     pub least_near_m: f32,
     pub first_view: u32,
     pub count: u32,
-    pub casters_near_m: f32,
-    pub clamps_depth: u32,
+    pub near_m: f32,
+    pub far_m: f32,
+    pub own_range: u32,
+    pub holes: u32,
+    pub blend: f32,
+    pub reserved: u32,
+}
+
+/// From where to where a cascade's depth reaches along the light.
+#[derive(Clone, Copy, Debug)]
+struct Along {
+    near_m: f32,
+    far_m: f32,
+    // Whether it is as far as the cascade reaches across instead.
+    own_near: bool,
+    own_far: bool,
 }
 
 /// The rays through the picture's corners: `origin + step · view depth`.
@@ -130,10 +147,11 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut Sha
         axes * (0.5 * (inputs.bounds_ws.0 + inputs.bounds_ws.1)),
         0.5 * (inputs.bounds_ws.1 - inputs.bounds_ws.0).length().max(1e-3) * 1.001,
     );
-    // Depth along the light of the first caster.
-    let casters_near = corners(inputs.bounds_ws).into_iter().map(|c| -(axes * c).z).fold(f32::MAX, f32::min);
-    // Moments want a short range to be precise in; distances of blockers must be true.
-    let clamps_depth = inputs.clamps_depth && settings.representation != Representation::Depth;
+    let along = along(&axes, inputs);
+    // What a finer cascade is sure to be looked up for, the next need not draw. That is so where a cascade is chosen by its
+    // sides alone: not by distance, and not by how deep a short range for moments reaches.
+    let holes = settings.cascade_select == CascadeSelect::Projection && !along.own_far;
+    let mut finer: Option<(Vec3, f32)> = None;
     let count = settings.cascades;
     for i in 0..count {
         let slice = (
@@ -142,8 +160,9 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut Sha
         );
         let (center, radius) = sphere(&rays, slice.0, slice.1);
         let (center, radius) = if radius < scene.1 { (axes * center, radius) } else { scene };
-        let casters_near = (!clamps_depth).then_some(casters_near);
-        let (clip_from_ls, data) = parallel(center, radius, casters_near, make);
+        let (clip_from_ls, data) = parallel(center, radius, along, make);
+        let hole = finer.filter(|_| holes).and_then(|finer| hole(finer, &axes, &data, make));
+        finer = Some((center, 0.5 * data.resolution * data.texel_m));
         let clip_from_ws = clip_from_ls * Mat4::from_mat3(axes);
         let data = ShadowViewData {
             begin_m: slice.0,
@@ -151,7 +170,7 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut Sha
             ..ShadowViewData { clip_from_ws: clip_from_ws.to_cols_array_2d(), layer: first + i, ..data }
         };
         let eye_ws = Vec3::from(light.direction_ws).extend(0.0);
-        out.views.push(ShadowView { clip_from_ws, eye_ws, resolution: make.resolution, data });
+        out.views.push(ShadowView { clip_from_ws, eye_ws, resolution: make.resolution, data, hole });
     }
     if settings.fit == Fit::Depth {
         let row = |i: usize| axes.row(i).extend(0.0).to_array();
@@ -166,28 +185,60 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut Sha
             least_near_m: if inputs.see_through { range.0 } else { 0.0 },
             first_view: first,
             count,
-            casters_near_m: casters_near,
-            clamps_depth: u32::from(clamps_depth),
+            near_m: along.near_m,
+            far_m: along.far_m,
+            own_range: u32::from(along.own_near) | u32::from(along.own_far) << 1,
+            holes: u32::from(holes),
+            blend: settings.blend,
+            reserved: 0,
         });
     }
 }
 
+/// How far cascades reach along the light: through the whole scene, whose casters and receivers are all there is. Moments
+/// want a short range to be precise in.
+fn along(axes: &Mat3, inputs: &FitInputs<'_>) -> Along {
+    let depths = corners(inputs.bounds_ws).map(|corner| -(*axes * corner).z);
+    let (near, far) = depths.into_iter().fold((f32::MAX, f32::MIN), |(n, f), d| (n.min(d), f.max(d)));
+    let slack = 1e-3 * (far - near).max(1e-3);
+    let moments = inputs.settings.representation != Representation::Depth;
+    Along {
+        near_m: near - slack,
+        far_m: far + slack,
+        // Casters before the map are drawn onto its near plane.
+        own_near: moments && inputs.clamps_depth,
+        own_far: moments,
+    }
+}
+
 /// A parallel view around a sphere in the light's axes, on the grid of its texels.
-fn parallel(
-    center: Vec3,
-    radius: f32,
-    casters_near: Option<f32>,
-    make: &Maker<'_>,
-) -> (Mat4, ShadowViewData) {
+fn parallel(center: Vec3, radius: f32, along: Along, make: &Maker<'_>) -> (Mat4, ShadowViewData) {
     let half = make.with_border(radius);
     let texel = 2.0 * half / make.resolution as f32;
     let center = (center / texel).round() * texel;
-    let far = half - center.z;
-    let near = (-half - center.z).min(casters_near.unwrap_or(f32::MAX));
+    let far = if along.own_far { half - center.z } else { along.far_m };
+    let near = if along.own_near { -half - center.z } else { along.near_m };
     let clip_from_ls = reversed_orthographic(Vec2::splat(half), near, far)
         * Mat4::from_translation(Vec3::new(-center.x, -center.y, 0.0));
     let data = ShadowViewData { texel_m: texel, near_m: near, far_m: far, ..make.data(&clip_from_ls, 0) };
     (clip_from_ls, data)
+}
+
+/// What the next finer cascade is looked up for alone: its middle, less where it fades and where the filter of this one
+/// reaches in. It moves in steps, so that this one's map may rest when the finer one moves.
+fn hole(
+    (center, half): (Vec3, f32),
+    axes: &Mat3,
+    coarser: &ShadowViewData,
+    make: &Maker<'_>,
+) -> Option<Hole> {
+    let step = HOLE_STEP * half;
+    let share = 1.0 - 2.0 * make.border / make.resolution as f32;
+    let reach = make.border * coarser.texel_m + 0.5 * step;
+    let half = half * share * (1.0 - make.inputs.settings.blend) - reach;
+    let middle = (center / step).round() * step;
+    let row = |i: usize| axes.row(i).extend(-middle[i]);
+    (half > 0.0).then(|| Hole { rows: [row(0), row(1)], half })
 }
 
 /// Suns in one frame whose cascades are fitted on the GPU.

@@ -20,6 +20,7 @@
 pub mod cascades;
 pub mod moments;
 mod project;
+pub mod raster;
 mod record;
 mod settings;
 mod single;
@@ -30,7 +31,7 @@ mod views;
 
 pub use record::{DrawView, ShadowMaps, ShadowOutputs};
 pub use settings::{
-    CascadeSelect, Filter, Fit, Layout, PcfKernel, PointLayout, Representation, ShadowSettings, Sigma,
+    CascadeSelect, Filter, Fit, Layout, PcfKernel, PointLayout, Raster, Representation, ShadowSettings, Sigma,
 };
 pub use tint::TintMaps;
 pub use views::{CameraView, FitInputs, ShadowView, ShadowViews, fit};
@@ -48,6 +49,8 @@ pub struct Lookup {
     receiver_plane: bool,
     select: CascadeSelect,
     tint: bool,
+    /// Whether maps hold plain numbers instead of a depth format.
+    pub float_maps: bool,
 }
 
 impl Lookup {
@@ -60,6 +63,7 @@ impl Lookup {
             receiver_plane: settings.bias_receiver_plane,
             select: settings.cascade_select,
             tint: settings.transmission_tint,
+            float_maps: settings.computes_maps(),
         }
     }
 

@@ -11,6 +11,7 @@ use glam::Vec4Swizzles;
 
 use super::cascades::Fitter;
 use super::moments::{MomentOutputs, Moments};
+use super::raster::{ComputeRaster, MatrixOver, RasterView};
 use super::tint::{Tint, TintMaps};
 use super::views::{ShadowView, ShadowViews};
 use super::{Fit, PointLayout, ShadowSettings};
@@ -23,7 +24,7 @@ use crate::surface::{SceneFacts, SceneGpu};
 /// What [`ShadowMaps::record`] writes.
 #[derive(Clone, Debug)]
 pub struct ShadowOutputs {
-    /// Depth32Float array, a layer per view.
+    /// Depth32Float array, or R32Float where compute rastered it; a layer per view.
     pub maps: Texture,
     /// Comparison sampler: passes where the receiver's reversed depth is at least the map's.
     pub compare: wgpu::Sampler,
@@ -50,7 +51,7 @@ impl ShadowOutputs {
             .device
             .create_sampler(&wgpu::SamplerDescriptor { label: Some("shadow_gather"), ..Default::default() });
         Self {
-            maps: maps(gpu, side, layers),
+            maps: maps(gpu, side, layers, false),
             compare,
             gather,
             moments: MomentOutputs::stand_in(gpu),
@@ -109,6 +110,8 @@ pub struct ShadowMaps {
     fitter: Option<Fitter>,
     tint: Option<Tint>,
     moments: Moments,
+    raster: Option<ComputeRaster>,
+    anisotropy: u32,
     outputs: ShadowOutputs,
     draw_views: Buffer,
     capacity: usize,
@@ -159,8 +162,13 @@ impl ShadowMaps {
         let paraboloid = (settings.point_layout == PointLayout::Paraboloid)
             .then(|| Ok([paraboloid(0)?, paraboloid(1)?, paraboloid(2)?, paraboloid(3)?]))
             .transpose()?;
-        let moments = Moments::new(gpu, library, frame_layout, settings, false)?;
-        let outputs = ShadowOutputs { moments: moments.outputs(), ..ShadowOutputs::new(gpu, 1, 1) };
+        let computed = settings.computes_maps();
+        let moments = Moments::new(gpu, library, frame_layout, settings, computed)?;
+        let outputs = ShadowOutputs {
+            maps: maps(gpu, 1, 1, computed),
+            moments: moments.outputs(),
+            ..ShadowOutputs::new(gpu, 1, 1)
+        };
         Ok(Self {
             tint: settings.transmission_tint.then(|| Tint::new(gpu, library, shared, facts)).transpose()?,
             moments,
@@ -170,6 +178,10 @@ impl ShadowMaps {
             fitter: (settings.fit == Fit::Depth)
                 .then(|| Fitter::new(gpu, library, frame_layout))
                 .transpose()?,
+            raster: computed
+                .then(|| ComputeRaster::new(gpu, library, scene_layout, facts, settings.bias_cull_front))
+                .transpose()?,
+            anisotropy: 1,
             outputs,
             draw_views: draw_views(gpu, 1),
             capacity: 1,
@@ -185,14 +197,23 @@ impl ShadowMaps {
     pub fn serves(&self, settings: &ShadowSettings, facts: SceneFacts) -> bool {
         self.cull_front == settings.bias_cull_front
             && self.facts == facts
-            && self.moments.serves(settings, false)
+            && self.raster.is_some() == settings.computes_maps()
+            && self.moments.serves(settings, settings.computes_maps())
             && self.tint.is_some() == settings.transmission_tint
             && (self.paraboloid.is_some() || settings.point_layout != PointLayout::Paraboloid)
             && (self.fitter.is_some() || settings.fit != Fit::Depth)
     }
 
-    /// Makes room for so many views. Not inside a frame.
-    pub fn reserve(&mut self, gpu: &Gpu, scene: &SceneGpu, views: &ShadowViews, settings: &ShadowSettings) {
+    /// Makes room for so many views. Not inside a frame. `anisotropy`: most taps of a masked caster's texture.
+    pub fn reserve(
+        &mut self,
+        gpu: &Gpu,
+        scene: &SceneGpu,
+        views: &ShadowViews,
+        settings: &ShadowSettings,
+        anisotropy: u32,
+    ) {
+        self.anisotropy = anisotropy;
         let keeps = settings.cache;
         let views = &views.views;
         self.culling.reserve(gpu, scene, views.len());
@@ -200,7 +221,7 @@ impl ShadowMaps {
         let layers = views.len().max(1) as u32;
         let options = self.outputs.maps.options();
         if options.width != resolution || options.layers != Some(layers) {
-            self.outputs.maps = maps(gpu, resolution, layers);
+            self.outputs.maps = maps(gpu, resolution, layers, self.raster.is_some());
             self.rendered.1 = ShadowViews::default();
         }
         self.moments.reserve(gpu, settings, resolution, layers);
@@ -218,8 +239,20 @@ impl ShadowMaps {
             self.capacity = views.len();
             self.draw_views = draw_views(gpu, self.capacity);
         }
+        let at_once = self.views_at_once(gpu, scene, resolution).min(views.len());
+        if let Some(raster) = self.raster.as_mut().filter(|_| !views.is_empty()) {
+            raster.reserve(gpu, resolution, at_once);
+        }
         if let Some(fitter) = &mut self.fitter {
             fitter.reserve(gpu, views.len());
+        }
+    }
+
+    fn views_at_once(&self, gpu: &Gpu, scene: &SceneGpu, resolution: u32) -> usize {
+        let culled = Culling::views_at_once(gpu, scene);
+        match &self.raster {
+            Some(_) => culled.min(ComputeRaster::views_at_once(gpu, resolution)).max(1),
+            None => culled,
         }
     }
 
@@ -276,13 +309,39 @@ impl ShadowMaps {
             }
             fitter.take(frame, &views.fitted, (frame_views, &self.draw_views));
         }
-        let batch = Culling::views_at_once(frame.gpu(), scene);
+        let resolution = views.views.first().map_or(1, |view| view.resolution);
+        let batch = self.views_at_once(frame.gpu(), scene, resolution);
         let names = ["shadow/cull_count", "shadow/cull_scan", "shadow/cull_expand"];
         for chunk in moved.chunks(batch) {
             let view = |layer: u32| &views.views[layer as usize];
             let cull_views: Vec<_> = chunk.iter().map(|&layer| cull_view(view(layer), keeps_near)).collect();
             let fitted = fitter.map(|fitter| fitter.culls(&views.fitted, chunk)).unwrap_or_default();
             let lists = self.culling.record(frame, names, scene, &cull_views, &fitted);
+            if let Some(raster) = &self.raster {
+                let of = |&layer: &u32| RasterView {
+                    clip_from_ws: view(layer).clip_from_ws,
+                    clip_near: false,
+                    layer,
+                };
+                let raster_views: Vec<_> = chunk.iter().map(of).collect();
+                // What was fitted on the GPU stands in the draw views alone.
+                let is_fitted = |layer: u32| {
+                    let mut suns = views.fitted.iter();
+                    suns.any(|sun| (sun.first_view..sun.first_view + sun.count).contains(&layer))
+                };
+                let over: Vec<_> = (0..)
+                    .zip(chunk)
+                    .filter(|&(_, &layer)| is_fitted(layer))
+                    .map(|(to, &layer)| MatrixOver {
+                        buffer: &self.draw_views,
+                        offset: u64::from(layer) * DRAW_VIEW_BYTES,
+                        to,
+                    })
+                    .collect();
+                let target = &self.outputs.maps;
+                raster.record(frame, scene, &lists, (&raster_views, &over), self.anisotropy, target);
+                continue;
+            }
             for (index, &layer) in chunk.iter().enumerate() {
                 let attachment = DepthAttachment { texture: &self.outputs.maps, layer, clear: Some(0.0) };
                 let targets = Targets { color: &[], depth: Some(attachment) };
@@ -319,7 +378,7 @@ impl ShadowMaps {
 
 fn cull_view(view: &ShadowView, keeps_near: bool) -> CullView {
     if view.data.projection != ShadowViewData::PARABOLOID {
-        return CullView::new(&view.clip_from_ws, view.eye_ws, false, keeps_near);
+        return CullView::new(&view.clip_from_ws, view.eye_ws, false, keeps_near).without(view.hole);
     }
     // The hemisphere, and a little more for filters: a texel is at most this large an angle.
     let plane = view.clip_from_ws.row(2);
@@ -327,14 +386,18 @@ fn cull_view(view: &ShadowView, keeps_near: bool) -> CullView {
     CullView::of_plane(plane.xyz().extend(plane.w + beyond), view.eye_ws)
 }
 
-fn maps(gpu: &Gpu, resolution: u32, layers: u32) -> Texture {
-    let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
-    let options =
-        TextureOptions::new(resolution, resolution, TextureFormat::Depth32Float, usage).array(layers);
+fn maps(gpu: &Gpu, resolution: u32, layers: u32, computed: bool) -> Texture {
+    let (format, written) = if computed {
+        (TextureFormat::R32Float, TextureUsages::STORAGE_BINDING)
+    } else {
+        (TextureFormat::Depth32Float, TextureUsages::RENDER_ATTACHMENT)
+    };
+    let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC | written;
+    let options = TextureOptions::new(resolution, resolution, format, usage).array(layers);
     Texture::new(gpu, "shadow_maps", Life::Kept, options)
 }
 
 fn draw_views(gpu: &Gpu, views: usize) -> Buffer {
-    let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+    let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
     Buffer::new(gpu, "draw_views", Life::Frame, views as u64 * DRAW_VIEW_BYTES, usage)
 }

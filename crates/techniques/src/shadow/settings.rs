@@ -117,6 +117,18 @@ impl PcfKernel {
 }
 
 choice! {
+    /// What rasters the maps.
+    pub enum Raster {
+        /// Compute on the data-centre GPUs that have little raster hardware, the hardware on all others.
+        Auto = "auto",
+        /// The hardware.
+        Hardware = "hardware",
+        /// Compute; paraboloids and tinted light take the hardware all the same.
+        Compute = "compute",
+    }
+}
+
+choice! {
     /// What cascades are fitted to.
     pub enum Fit {
         /// Slices of the camera's view as far as the scene reaches: edges rest while the camera moves.
@@ -226,12 +238,20 @@ settings! {
         bias_slope as "bias.slope": f32 = 0.0, "of what is needed", 0.0..=8.0, Uniform;
         /// Receiver offset towards the light, in texels of the map at the receiver.
         bias_constant as "bias.constant": f32 = 0.25, "texels", 0.0..=64.0, Uniform;
+        /// What rasters the maps: the hardware, or compute on GPUs that have little raster hardware.
+        raster: Raster = Raster::Auto, "", (), Permutation;
         /// Whether only back faces cast: no acne on closed objects, but light leaks at their feet.
         bias_cull_front as "bias.cull_front": bool = false, "", (), Permutation;
     }
 }
 
 impl ShadowSettings {
+    /// Whether the maps are rastered in compute, and hold plain numbers.
+    pub fn computes_maps(&self) -> bool {
+        let curved = self.point_layout == PointLayout::Paraboloid;
+        self.raster == Raster::Compute && !curved && !self.transmission_tint
+    }
+
     /// Why these settings do not go together, if they do not.
     pub fn refused(&self) -> Option<String> {
         if self.layout == Layout::None {

@@ -37,7 +37,7 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, layer: u32) -> ShadowView
         far_m: far,
         ..make.data(&clip_from_ws, layer)
     };
-    ShadowView { clip_from_ws, eye_ws: direction.extend(0.0), resolution, data }
+    ShadowView { clip_from_ws, eye_ws: direction.extend(0.0), resolution, data, hole: None }
 }
 
 /// The rectangle on a grid of its own texels and in steps of its size, so that a small move of the camera moves the

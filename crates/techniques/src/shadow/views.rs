@@ -6,6 +6,7 @@ use super::moments::Moments;
 use super::project::{corners, light_axes, reversed_perspective};
 use super::{Filter, Layout, PointLayout, ShadowSettings, cascades, single};
 use crate::shared::frame::{LightData, ShadowViewData};
+use crate::surface::culling::Hole;
 
 /// A perspective map covers at most this angle from side to side; wider cones take a point light's layout.
 const MAX_SPOT_ANGLE_RAD: f32 = 160.0 * std::f32::consts::PI / 180.0;
@@ -38,6 +39,8 @@ pub struct ShadowView {
     pub resolution: u32,
     /// What shaders read.
     pub data: ShadowViewData,
+    /// What a finer cascade draws in its place.
+    pub hole: Option<Hole>,
 }
 
 /// All views of a frame.
@@ -218,7 +221,7 @@ impl Maker<'_> {
             eye_ws: eye.to_array(),
             ..self.data(&clip_from_ws, layer)
         };
-        ShadowView { clip_from_ws, eye_ws: eye.extend(1.0), resolution: self.resolution, data }
+        ShadowView { clip_from_ws, eye_ws: eye.extend(1.0), resolution: self.resolution, data, hole: None }
     }
 }
 
@@ -253,6 +256,6 @@ fn paraboloids<'a>(
             eye_ws: eye.to_array(),
             ..make.data(&clip_from_ws, layer)
         };
-        ShadowView { clip_from_ws, eye_ws: eye.extend(1.0), resolution: make.resolution, data }
+        ShadowView { clip_from_ws, eye_ws: eye.extend(1.0), resolution: make.resolution, data, hole: None }
     })
 }

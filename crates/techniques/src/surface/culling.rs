@@ -36,6 +36,17 @@ pub struct CullView {
     pub(crate) planes: [[f32; 4]; 6],
     pub(crate) eye_ws: [f32; 4],
     pub(crate) flags: [u32; 4],
+    pub(crate) hole: [[f32; 4]; 2],
+}
+
+/// A prism along parallel rays that another view draws: what lies wholly inside is left to it. Metres from its middle plane
+/// = xyz · position + w, twice, each less than the half side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hole {
+    /// Across, two ways.
+    pub rows: [Vec4; 2],
+    /// Metres.
+    pub half: f32,
 }
 
 impl CullView {
@@ -51,18 +62,38 @@ impl CullView {
             // An infinite far plane has no normal: nothing is beyond it.
             if length > 1e-12 { (plane / length).to_array() } else { [0.0, 0.0, 0.0, 1.0] }
         });
-        Self { planes, eye_ws: eye_ws.to_array(), flags: [u32::from(drop_back_faces), 0, 0, 0] }
+        Self {
+            planes,
+            eye_ws: eye_ws.to_array(),
+            flags: [u32::from(drop_back_faces), 0, 0, 0],
+            hole: [[0.0; 4]; 2],
+        }
     }
 
     /// A view of all on a plane's positive side.
     pub fn of_plane(plane: Vec4, eye_ws: Vec4) -> Self {
         let mut planes = [[0.0, 0.0, 0.0, 1.0]; 6];
         planes[0] = (plane / plane.xyz().length().max(1e-12)).to_array();
-        Self { planes, eye_ws: eye_ws.to_array(), flags: [0; 4] }
+        Self { planes, eye_ws: eye_ws.to_array(), flags: [0; 4], hole: [[0.0; 4]; 2] }
+    }
+
+    /// Leaves out what lies wholly in a hole.
+    #[must_use]
+    pub fn without(mut self, hole: Option<Hole>) -> Self {
+        if let Some(Hole { rows, half }) = hole {
+            self.flags[1] = half.to_bits();
+            self.hole = rows.map(|row| row.to_array());
+        }
+        self
     }
 
     /// Whether a sphere may be seen; twin of the shader's test.
     pub fn sees(&self, center: Vec3, radius: f32) -> bool {
+        let half = f32::from_bits(self.flags[1]);
+        let within = |&[x, y, z, w]: &[f32; 4]| (Vec3::new(x, y, z).dot(center) + w).abs() + radius < half;
+        if self.hole.iter().all(within) {
+            return false;
+        }
         self.planes.iter().all(|&[x, y, z, w]| Vec3::new(x, y, z).dot(center) + w > -radius)
     }
 }
@@ -172,7 +203,8 @@ impl Culling {
         let storage = BufferUsages::STORAGE;
         let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let list = 12 * u64::from(scene.triangle_count) * views as u64;
-        let arguments = (views * CLASSES) as u64 * ARGUMENT_BYTES;
+        // As a uniform its size is that of the shader's array.
+        let arguments = (MAX_VIEWS * CLASSES) as u64 * ARGUMENT_BYTES;
         let buffer = |name, size, usage| Buffer::new(gpu, name, Life::Frame, size, usage);
         self.buffers = Some(Buffers {
             views: Buffer::new(gpu, "cull_views", Life::Frame, size_of::<CullViews>() as u64, uniform),
@@ -180,7 +212,11 @@ impl Culling {
             offsets: buffer("cull_offsets", 4 * u64::from(scene.item_count) * views as u64, storage),
             lists: DrawLists {
                 list: buffer("draw_list", list, storage | BufferUsages::INDEX),
-                arguments: buffer("draw_arguments", arguments, storage | BufferUsages::INDIRECT),
+                arguments: buffer(
+                    "draw_arguments",
+                    arguments,
+                    storage | BufferUsages::INDIRECT | BufferUsages::UNIFORM,
+                ),
             },
             view_capacity: views,
             items: scene.item_count,

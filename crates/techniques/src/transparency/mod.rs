@@ -107,9 +107,8 @@ impl Transparency {
             |glows| ComputePipeline::new(gpu, library, &shaders::resolve(glows, true), shared, &materials);
         let behind = |whole| ComputePipeline::new(gpu, library, &shaders::behind(whole), &[], &[]);
         let constants = permutations.constants(gpu);
-        let shade = |glows| {
-            ComputePipeline::new(gpu, library, &shaders::shade_layer(glows, false), shared, &constants)
-        };
+        let entry = |glows| shaders::shade_layer(glows, permutations.shadow.float_maps);
+        let shade = |glows| ComputePipeline::new(gpu, library, &entry(glows), shared, &constants);
         Ok(Self {
             peel: [peels(Layer::First)?, peels(Layer::Next)?],
             resolve: [resolve(false)?, resolve(true)?],

@@ -13,6 +13,7 @@ mod references;
 mod robust;
 mod shadow_cascades;
 mod shadow_moments;
+mod shadow_raster;
 mod shadow_table;
 mod shadows;
 mod surface;
