@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::values::{
     FrameRange, Setting, Size, View, blur_px, frames_per_second, image_output, picture_output, positive,
-    seconds,
+    radiance_output, seconds,
 };
 
 /// Real-time shadows, indirect light and caustics, measured against path-traced truth
@@ -43,6 +43,15 @@ Examples:
 
 H shows the keys. Scene files can be dropped onto the window.")]
     View(ViewArgs),
+    /// Path trace a scene: the truth that real-time pictures are measured against
+    #[command(after_help = "\
+Examples:
+  chiaro reference builtin:cornell --spp 256 -o cornell.exr
+  chiaro reference room.glb --camera 1 --max-depth 3 --spp 64 -o room.bounce1.exr
+
+No paths are found from lights without extent over mirrors or through glass to a surface (caustics);
+blended surfaces are cut at half coverage, and animated scenes stand as they do at time 0.")]
+    Reference(ReferenceArgs),
     /// Measure how long each pass of a frame takes on this machine
     #[command(after_help = "\
 Examples:
@@ -171,6 +180,29 @@ pub struct ViewArgs {
     /// Shaders (.wesl) that take the place of the built-in ones and are read again whenever they change [default: crates/techniques/src, where there is one]
     #[arg(long, value_name = "FOLDER")]
     pub shaders: Option<PathBuf>,
+}
+
+/// `chiaro reference`
+#[derive(Debug, Args)]
+pub struct ReferenceArgs {
+    /// The scene
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The image to write: scene radiance in nits
+    #[arg(short, long, value_name = "FILE", value_parser = radiance_output)]
+    pub output: PathBuf,
+    /// Samples per pixel: four times as many halve the noise
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = positive)]
+    pub spp: u32,
+    /// Most edges of a path: 1 shows what glows, 2 direct light, 3 one bounce; 0 is no limit
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub max_depth: u32,
+    /// What all random choices start from; the same seed gives the same image
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u32,
+    /// Change a setting that says what is there (surface.lighting, surface.normal_maps, environment.*)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<Setting>,
 }
 
 /// `chiaro bench`

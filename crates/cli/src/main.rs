@@ -7,6 +7,7 @@ mod bench;
 mod diff;
 mod info;
 mod output;
+mod reference;
 mod render;
 mod session;
 mod suite;
@@ -45,6 +46,7 @@ fn run(command: &Command) -> anyhow::Result<()> {
     match command {
         Command::Render(args) => render::run(args),
         Command::View(args) => view::run(args),
+        Command::Reference(args) => reference::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Diff(args) => diff::run(args),
         Command::Scenes(args) => info::scenes(args),

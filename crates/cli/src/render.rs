@@ -123,7 +123,7 @@ pub fn write(session: &Session, still: Still, path: &Path) -> anyhow::Result<()>
     Ok(())
 }
 
-fn mean(sum: &Pixels, samples: u32) -> anyhow::Result<Image> {
+pub fn mean(sum: &Pixels, samples: u32) -> anyhow::Result<Image> {
     let share = 1.0 / samples.max(1) as f32;
     let pixels = sum
         .floats()

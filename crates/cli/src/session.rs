@@ -14,7 +14,7 @@ pub struct Session {
     pub scene_name: String,
     pub view: View,
     pub size: [u32; 2],
-    source: Scene,
+    pub source: Scene,
     eye: Eye,
 }
 
@@ -33,6 +33,15 @@ const NEAR_M: f32 = 0.05;
 impl Session {
     /// Opens the device, reads the scene, compiles the passes. Remarks for the user go to standard error.
     pub fn open(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
+        Self::open_with(scene_args, settings_args, Scene::add_default_view)
+    }
+
+    /// The same with another way of adding what the scene lacks to be seen.
+    pub fn open_with(
+        scene_args: &SceneArgs,
+        settings_args: &SettingsArgs,
+        complete: fn(&mut Scene),
+    ) -> anyhow::Result<Self> {
         let settings = settings(settings_args)?;
         let name = scene_name(scene_args);
         let options = LoadOptions { scene: scene_args.scene_in_file.clone(), ..LoadOptions::default() };
@@ -43,7 +52,7 @@ impl Session {
         for warning in &scene.warnings {
             eprintln!("warning: {warning}");
         }
-        scene.add_default_view();
+        complete(&mut scene);
         let eye = eye(&scene, scene_args)?;
         let gpu = open_gpu()?;
         let size = scene_args.size.unwrap_or_default();

@@ -160,6 +160,11 @@ pub fn image_output(text: &str) -> Result<PathBuf, String> {
     with_extension(text, &["png", "exr"])
 }
 
+/// A file that scene radiance can be written to.
+pub fn radiance_output(text: &str) -> Result<PathBuf, String> {
+    with_extension(text, &["exr"])
+}
+
 /// A file that a picture can be written to.
 pub fn picture_output(text: &str) -> Result<PathBuf, String> {
     with_extension(text, &["png"])

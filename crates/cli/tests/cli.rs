@@ -36,7 +36,9 @@ fn assert_fails(output: &Output, status: i32, words: &[&str]) {
 
 #[test]
 fn every_help_page_has_an_example() {
-    for page in [&[][..], &["render"], &["bench"], &["diff"], &["scenes"], &["settings"], &["info"]] {
+    for page in
+        [&[][..], &["render"], &["reference"], &["bench"], &["diff"], &["scenes"], &["settings"], &["info"]]
+    {
         let output = chiaro(&[page, &["--help"]].concat());
         assert!(output.status.success());
         assert!(text(&output.stdout).contains("\n  chiaro "), "no example in {page:?}");
@@ -106,4 +108,8 @@ fn wrong_usage_exits_with_2_and_says_what_is_right() {
     assert_fails(&chiaro(&["render", "--frames", "9..3"]), 2, &["no frame"]);
     assert_fails(&chiaro(&["render", "--set", "shadow.filter"]), 2, &["KEY=VALUE"]);
     assert_fails(&chiaro(&["render", "--frames", "0..2", "--time", "1"]), 2, &["--time"]);
+    assert_fails(&chiaro(&["reference", "builtin:cornell"]), 2, &["--output"]);
+    assert_fails(&chiaro(&["reference", "-o", "truth.png"]), 2, &[".exr"]);
+    assert_fails(&chiaro(&["reference", "-o", "truth.exr", "--spp", "0"]), 2, &["--spp"]);
+    assert_fails(&chiaro(&["reference", "-o", "truth.exr", "--integrator", "photon"]), 2, &["--integrator"]);
 }

@@ -63,7 +63,7 @@ impl Kit {
         })
     }
 
-    fn frame_group(&self) -> Result<FrameGroup, Error> {
+    pub(crate) fn frame_group(&self) -> Result<FrameGroup, Error> {
         let table = albedo_table::texture(&self.gpu);
         let mut recorder = Recorder::new(&self.gpu, false);
         let mut frame = recorder.begin();

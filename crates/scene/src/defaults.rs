@@ -27,9 +27,26 @@ impl Scene {
         if !self.nodes.iter().any(|node| node.camera.is_some()) {
             self.add_default_camera();
         }
-        if self.environment.is_none() && !self.nodes.iter().any(|node| node.light.is_some()) {
+        if self.is_unlit() {
             self.add_default_sun();
         }
+    }
+
+    /// The same for path tracing, where emissive surfaces are lights.
+    pub fn add_default_view_to_trace(&mut self) {
+        let drawn = self.nodes.iter().filter_map(|node| node.mesh);
+        let mut primitives = drawn.flat_map(|mesh| &self.meshes[mesh].primitives);
+        let glows = primitives.any(|primitive| self.materials[primitive.material].emissive != Vec3::ZERO);
+        if !self.nodes.iter().any(|node| node.camera.is_some()) {
+            self.add_default_camera();
+        }
+        if !glows && self.is_unlit() {
+            self.add_default_sun();
+        }
+    }
+
+    fn is_unlit(&self) -> bool {
+        self.environment.is_none() && !self.nodes.iter().any(|node| node.light.is_some())
     }
 
     fn add_default_camera(&mut self) {
@@ -154,6 +171,17 @@ mod tests {
         let shines = world_from_light.transform_vector3(Vec3::NEG_Z);
         assert_eq!(scene.lights[light].kind, LightKind::Directional);
         assert!(shines.y < -0.5 && shines.dot(TOWARDS_CAMERA) < 0.0, "{shines}");
+    }
+
+    #[test]
+    fn only_where_rays_are_traced_do_emissive_surfaces_light() {
+        let mut scene = triangle([Vec3::ZERO, Vec3::X, Vec3::Y]);
+        scene.add_default_view_to_trace();
+        assert_eq!((scene.cameras.len(), scene.lights.len()), (1, 1));
+        let mut scene = triangle([Vec3::ZERO, Vec3::X, Vec3::Y]);
+        scene.materials[0].emissive = Vec3::ONE;
+        scene.add_default_view_to_trace();
+        assert_eq!((scene.cameras.len(), scene.lights.len()), (1, 0));
     }
 
     #[test]

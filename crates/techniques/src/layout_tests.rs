@@ -6,6 +6,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
+use crate::reference::path::PathPass;
 use crate::shaders;
 use crate::shadow::DrawView;
 use crate::shadow::cascades::SunFit;
@@ -170,6 +171,18 @@ fn rust_structs_equal_their_wesl_twins() {
         specular_color_texture,
         transmission_texture,
         thickness_texture,
+    );
+    same!(
+        &linked("reference/path/trace.cs.wesl"),
+        PathPass,
+        "PathPass",
+        size_px,
+        first_sample,
+        sample_count,
+        max_depth,
+        seed,
+        reserved0,
+        reserved1,
     );
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
     same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags, hole);

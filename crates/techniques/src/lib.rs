@@ -13,6 +13,7 @@ pub mod environment;
 pub mod indirect;
 pub mod motion;
 pub mod post;
+pub mod reference;
 pub mod settings;
 pub mod shaders;
 pub mod shadow;

@@ -32,6 +32,12 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("post/exposure.cs.wesl"),
     shader!("post/histogram.cs.wesl"),
     shader!("post/tone_map.cs.wesl"),
+    shader!("reference/path/bsdf.wesl"),
+    shader!("reference/path/emitters.wesl"),
+    shader!("reference/path/sampler.wesl"),
+    shader!("reference/path/trace.cs.wesl"),
+    shader!("reference/path/vertex.wesl"),
+    shader!("reference/traverse.wesl"),
     shader!("shadow/depth.vs.wesl"),
     shader!("shadow/depth_bounds.cs.wesl"),
     shader!("shadow/draw_view.wesl"),
@@ -61,6 +67,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shadow/tint.vs.wesl"),
     shader!("shared/albedo_table.cs.wesl"),
     shader!("shared/brdf.wesl"),
+    shader!("shared/brdf_sample.wesl"),
     shader!("shared/color.wesl"),
     shader!("shared/depth.wesl"),
     shader!("shared/footprint.wesl"),
@@ -111,7 +118,7 @@ pub fn permutations() -> Vec<Permutation> {
         "surface/cull_scan.cs.wesl",
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
-    all.extend([debug_view(Viewed::Grid, false), background()]);
+    all.extend([debug_view(Viewed::Grid, false), background(), path_trace()]);
     for a in [false, true] {
         all.extend([Viewed::Float, Viewed::Integer, Viewed::Depth].map(|what| debug_view(what, a)));
         all.push(resolve(a, false));
@@ -184,6 +191,11 @@ pub fn shade(emissive: bool, float_maps: bool) -> Permutation {
 /// The surroundings behind everything.
 pub fn background() -> Permutation {
     Permutation::plain("environment/background.vs.wesl").flag(FLOAT_MAPS, false)
+}
+
+/// The path tracer.
+pub fn path_trace() -> Permutation {
+    Permutation::plain("reference/path/trace.cs.wesl").flag(FLOAT_MAPS, false)
 }
 
 /// One quantity of surface or light.

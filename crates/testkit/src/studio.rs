@@ -1,7 +1,9 @@
 //! Pictures of scenes in nits.
 
 use chiaro::scene::Scene;
-use chiaro::{Aov, Gpu, LoadedScene, Renderer, Settings, StillOptions, View};
+use chiaro::{
+    Aov, Gpu, LoadedScene, PathOptions, Recorder, Reference, Renderer, Settings, StillOptions, View,
+};
 use chiaro_image::{CompareOptions, Comparison, Image, Picture};
 
 /// Settings for direct light alone, with single settings changed.
@@ -78,6 +80,30 @@ impl Studio {
         let mut still = need(self.renderer.still(scene, view, &options));
         let Some((_, readback)) = still.aovs.pop() else { panic!("no {aov:?} came back") };
         image(&need(readback.wait(&self.gpu)), samples)
+    }
+
+    /// The path-traced radiance of a scene at time 0, nits; `groups` are the samples of each dispatch.
+    ///
+    /// # Panics
+    /// When the device fails.
+    pub fn truth(
+        &mut self,
+        scene: &Scene,
+        (view, size): (&View, [u32; 2]),
+        options: PathOptions,
+        groups: &[u32],
+    ) -> Image {
+        let loaded = self.load(scene);
+        let (kit, settings) = (self.renderer.kit(), self.renderer.settings());
+        let mut reference = need(Reference::new(kit, (scene, &loaded), settings, (view, size), options));
+        let mut recorder = Recorder::new(&self.gpu, false);
+        for &count in groups {
+            let mut frame = recorder.begin();
+            reference.add(&mut frame, &loaded, count);
+            frame.submit();
+        }
+        let sum = need(reference.sum());
+        image(&need(sum.wait(&self.gpu)), reference.samples())
     }
 
     /// The tone-mapped picture.

@@ -40,7 +40,7 @@ const CONE_WEIGHT: f32 = 0.25;
 
 /// Clusters and the words that hold their vertices and triangles.
 #[derive(Default)]
-pub(super) struct Heap {
+pub(crate) struct Heap {
     pub words: Vec<u32>,
     pub clusters: Vec<ClusterData>,
 }

@@ -140,6 +140,55 @@ impl SceneFacts {
     }
 }
 
+/// A mesh where a node draws it.
+pub(crate) struct Drawn {
+    pub instance: u32,
+    pub mesh: cs::Id,
+    pub clusters: Range<usize>,
+    /// Neither moves nor bends.
+    pub fixed: bool,
+}
+
+/// A scene's geometry as it lies in the heap, always the same for the same scene.
+pub(crate) struct Cut {
+    pub heap: Heap,
+    motion: MotionBuilder,
+    pub instances: Vec<InstanceData>,
+    pub drawn: Vec<Drawn>,
+}
+
+impl Cut {
+    /// Cuts what a scene draws, as it stands in `pose`.
+    pub fn new(scene: &cs::Scene, pose: &cs::Pose) -> Self {
+        let mut heap = Heap::default();
+        let mut motion = MotionBuilder::default();
+        let mut clusters_of_mesh = vec![None; scene.meshes.len()];
+        let moving = scene.moving_nodes();
+        let mut instances = Vec::new();
+        let mut drawn = Vec::new();
+        for (node, (scene_node, world)) in scene.nodes.iter().zip(&pose.world_from_node).enumerate() {
+            let Some(mesh) = scene_node.mesh else { continue };
+            let instance = instances.len() as u32;
+            let bends = scene.deforms(scene_node);
+            let clusters = if bends {
+                let clusters = heap.add_bending(scene, pose, node, &mut motion.rest);
+                motion.add_bending(scene, instance, node, clusters.clone());
+                instances.push(bending_instance_data(world, node as u32));
+                clusters
+            } else {
+                if moving[node] {
+                    motion.add_rigid(instance, node);
+                }
+                instances.push(instance_data(world, node as u32));
+                let cut = || heap.add_mesh(&scene.meshes[mesh], &scene.materials);
+                clusters_of_mesh[mesh].get_or_insert_with(cut).clone()
+            };
+            drawn.push(Drawn { instance, mesh, clusters, fixed: !bends && !moving[node] });
+        }
+        Self { heap, motion, instances, drawn }
+    }
+}
+
 impl SceneGpu {
     /// The layout that pipelines are made against.
     pub fn layout(gpu: &Gpu) -> GroupLayout {
@@ -177,30 +226,11 @@ impl SceneGpu {
     /// # Errors
     /// [`GpuError::TooLarge`] when the scene does not fit the adapter's limits.
     pub fn upload(gpu: &Gpu, layout: &GroupLayout, scene: &cs::Scene) -> Result<Self, GpuError> {
-        let mut heap = Heap::default();
-        let mut motion = MotionBuilder::default();
-        let mut clusters_of_mesh = vec![None; scene.meshes.len()];
         let pose = scene.pose(0.0);
-        let moving = scene.moving_nodes();
-        let mut instances = Vec::new();
+        let Cut { mut heap, motion, instances, drawn } = Cut::new(scene, &pose);
         let mut items: Vec<(usize, ItemData)> = Vec::new();
         let mut triangles = 0u64;
-        for (node, (scene_node, world)) in scene.nodes.iter().zip(&pose.world_from_node).enumerate() {
-            let Some(mesh) = scene_node.mesh else { continue };
-            let instance = instances.len() as u32;
-            let clusters = if scene.deforms(scene_node) {
-                let clusters = heap.add_bending(scene, &pose, node, &mut motion.rest);
-                motion.add_bending(scene, instance, node, clusters.clone());
-                instances.push(bending_instance_data(world, node as u32));
-                clusters
-            } else {
-                if moving[node] {
-                    motion.add_rigid(instance, node);
-                }
-                instances.push(instance_data(world, node as u32));
-                let cut = || heap.add_mesh(&scene.meshes[mesh], &scene.materials);
-                clusters_of_mesh[mesh].get_or_insert_with(cut).clone()
-            };
+        for Drawn { instance, clusters, .. } in drawn {
             for cluster in clusters {
                 let data = &heap.clusters[cluster];
                 triangles += u64::from(data.triangle_count);

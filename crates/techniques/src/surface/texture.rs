@@ -158,7 +158,7 @@ fn array_of(gpu: &Gpu, scene: &cs::Scene, images: &[cs::Id], side: u32, srgb: bo
     let texture =
         Texture::new(gpu, "material textures", Life::Kept, options.array(images.len().max(1) as u32));
     for (layer, &image) in images.iter().enumerate() {
-        let mut pixels = squared(&scene.images[image], side);
+        let mut pixels = squared(&scene.images[image], side, srgb);
         for mip in 0..mips {
             let side = side >> mip;
             if mip > 0 {
@@ -184,16 +184,23 @@ fn array_of(gpu: &Gpu, scene: &cs::Scene, images: &[cs::Id], side: u32, srgb: bo
     texture
 }
 
-/// An image's pixels at `side` × `side`.
-fn squared(image: &cs::ImageData, side: u32) -> Vec<u8> {
+/// An image's pixels at `side` × `side`: of light, and not of code values.
+fn squared(image: &cs::ImageData, side: u32, srgb: bool) -> Vec<u8> {
     if image.width == side && image.height == side {
         return image.rgba.clone();
     }
-    match image::RgbaImage::from_raw(image.width, image.height, image.rgba.clone()) {
-        Some(source) => resize(&source, side, side, FilterType::CatmullRom).into_raw(),
-        // The scene guarantees 4 bytes a pixel, so this is never shown.
-        None => vec![255; 4 * (side * side) as usize],
-    }
+    let value = |(i, &code): (usize, &u8)| {
+        if srgb && i % 4 < 3 { DECODE[code as usize] } else { f32::from(code) / 255.0 }
+    };
+    let values = image.rgba.iter().enumerate().map(value).collect();
+    let source: Option<image::Rgba32FImage> = image::ImageBuffer::from_raw(image.width, image.height, values);
+    // The scene guarantees 4 bytes a pixel, so white is never shown.
+    let Some(source) = source else { return vec![255; 4 * (side * side) as usize] };
+    let code = |(i, &value): (usize, &f32)| {
+        let value = value.clamp(0.0, 1.0);
+        if srgb && i % 4 < 3 { encode(value) } else { (value * 255.0 + 0.5) as u8 }
+    };
+    resize(&source, side, side, FilterType::CatmullRom).iter().enumerate().map(code).collect()
 }
 
 /// The next mip: means of 2×2 texels, of light and not of code values.
@@ -255,6 +262,19 @@ mod tests {
         let uses = vec![[true, false]; 5];
         assert_eq!(size_classes(&scene, &uses, 4096), [16, 64, 256]);
         assert_eq!(size_classes(&scene, &uses, 128), [16, 64, 128]);
+    }
+
+    #[test]
+    fn resampling_keeps_the_light() {
+        let rgba = (0..48 * 20).flat_map(|i| [if i / 3 % 2 == 0 { 255 } else { 20 }, 99, 0, 180]).collect();
+        let image = cs::ImageData { name: String::new(), width: 48, height: 20, rgba };
+        let light = |pixels: &[u8]| {
+            pixels.chunks(4).map(|p| DECODE[p[0] as usize]).sum::<f32>() / (pixels.len() / 4) as f32
+        };
+        let pixels = squared(&image, 64, true);
+        assert!((light(&pixels) / light(&image.rgba) - 1.0).abs() < 0.003, "{}", light(&pixels));
+        assert!(pixels.chunks(4).all(|p| p[1..] == [99, 0, 180]));
+        assert!(squared(&image, 64, false).chunks(4).all(|p| p[1..] == [99, 0, 180]));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! pipelines against each other, references, goldens.
 
 mod brdf;
+mod brdf_sample;
 mod culling;
 mod environment;
 mod goldens;
@@ -17,4 +18,6 @@ mod shadow_table;
 mod shadows;
 mod surface;
 mod textures;
+mod trace;
 mod transparency;
+mod truth;

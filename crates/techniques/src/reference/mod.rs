@@ -1,0 +1,7 @@
+//! Truth: light transport without shortcuts, on any GPU, which every real-time technique is measured against.
+//!
+//! - [`bvh`]: rays through the scene in compute; any technique may import `reference/traverse.wesl`.
+//! - [`path`]: the path tracer.
+
+pub mod bvh;
+pub mod path;

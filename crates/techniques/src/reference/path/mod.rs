@@ -1,0 +1,148 @@
+//! A path tracer: unbiased light transport but for the paths that no camera tracer finds (lights without extent seen in
+//! mirrors or through glass).
+//!
+//! Paths start at the camera; at every surface one emitter is chosen by flux and combined with the BRDF's own sampling
+//! by multiple importance (Veach & Guibas 1995). Materials are evaluated by the same WESL modules as in the real-time
+//! pipelines, textures at their finest mip. A light behind the triangle gives nothing, whatever the bent normal says, as
+//! there. Russian roulette ends paths from the eighth edge on.
+//!
+//! | input | output | format | unit |
+//! | --- | --- | --- | --- |
+//! | frame, scene groups, `tracer` | sum | Rgba32Float | nits summed over samples; alpha sums coverage |
+//! | | squares | Rgba32Float | their squares, nits² |
+//!
+//! Limits: blended surfaces are cut at half coverage; no dispersion; rough interfaces pass no light of point-like
+//! lights. Samples are independent of how they are grouped: the same seed gives the same image, bit for bit.
+
+pub(crate) mod emitters;
+
+use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::shader::Library;
+use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
+use chiaro_gpu::{
+    Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture,
+    TextureOptions,
+};
+
+use crate::reference::bvh::TraceScene;
+use crate::shaders;
+use crate::surface::{SceneFacts, SceneGpu};
+
+/// Twin of `PathPass` in `trace.cs.wesl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct PathPass {
+    pub size_px: [u32; 2],
+    pub first_sample: u32,
+    pub sample_count: u32,
+    pub max_depth: u32,
+    pub seed: u32,
+    pub reserved0: u32,
+    pub reserved1: u32,
+}
+
+/// Which paths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PathOptions {
+    /// Most edges of a path: 1 shows what glows, 2 direct light, 3 one bounce; 0 = no limit.
+    pub max_depth: u32,
+    /// What random numbers start from.
+    pub seed: u32,
+}
+
+/// Samples of an image so far.
+#[derive(Clone, Debug)]
+pub struct PathSum {
+    // Two that take turns: [sum, squares] each.
+    textures: [[Texture; 2]; 2],
+    newest: usize,
+    samples: u32,
+}
+
+impl PathSum {
+    /// No samples.
+    pub fn new(gpu: &Gpu, [width, height]: [u32; 2]) -> Self {
+        let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
+        let options = TextureOptions::new(width, height, TextureFormat::Rgba32Float, usage);
+        let make = |name| Texture::new(gpu, name, Life::Kept, options);
+        let textures = [0, 1].map(|_| [make("path_sum"), make("path_squares")]);
+        Self { textures, newest: 0, samples: 0 }
+    }
+
+    /// Samples a pixel.
+    pub fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// Nits summed over samples, and coverage by surfaces in alpha.
+    pub fn sum(&self) -> &Texture {
+        &self.textures[self.newest][0]
+    }
+
+    /// Squares of the samples' nits, summed.
+    pub fn squares(&self) -> &Texture {
+        &self.textures[self.newest][1]
+    }
+}
+
+/// The pass.
+#[derive(Debug)]
+pub struct PathTracer {
+    pipeline: ComputePipeline,
+    uniform: Buffer,
+}
+
+impl PathTracer {
+    /// Compiles the pass for scenes of these facts.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(
+        gpu: &Gpu,
+        library: &Library,
+        frame_layout: &GroupLayout,
+        scene_layout: &GroupLayout,
+        facts: SceneFacts,
+    ) -> Result<Self, GpuError> {
+        let (shared, constants) = (&[frame_layout, scene_layout], facts.constants());
+        let pipeline = ComputePipeline::new(gpu, library, &shaders::path_trace(), shared, &constants)?;
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let uniform = Buffer::new(gpu, "path_pass", Life::Frame, size_of::<PathPass>() as u64, usage);
+        Ok(Self { pipeline, uniform })
+    }
+
+    /// Adds `count` samples to every pixel. The frame's uniform must hold the camera without jitter.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        (frame_group, scene, traced): (&Group, &SceneGpu, &TraceScene),
+        options: PathOptions,
+        count: u32,
+        sum: &mut PathSum,
+    ) {
+        let size = sum.sum().options();
+        let size_px = [size.width, size.height];
+        let pass = PathPass {
+            size_px,
+            first_sample: sum.samples,
+            sample_count: count,
+            max_depth: options.max_depth,
+            seed: options.seed,
+            ..PathPass::zeroed()
+        };
+        frame.upload(&self.uniform, &[pass]);
+        let [before, after] = [sum.newest, 1 - sum.newest].map(|i| &sum.textures[i]);
+        let binds = [
+            ("path_pass", (&self.uniform).into()),
+            ("sum_before", (&before[0]).into()),
+            ("squares_before", (&before[1]).into()),
+            ("tracer", (&traced.words).into()),
+            ("sum", (&after[0]).into()),
+            ("squares", (&after[1]).into()),
+        ];
+        let pixels = Dispatch::Threads([size_px[0], size_px[1], 1]);
+        frame.compute("reference/path", &self.pipeline, &[frame_group, scene.group()], &binds, pixels);
+        sum.newest = 1 - sum.newest;
+        sum.samples += count;
+    }
+}

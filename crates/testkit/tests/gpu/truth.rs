@@ -1,0 +1,349 @@
+//! The path tracer against formulas, on a device with nothing but what WebGPU guarantees.
+
+use std::f32::consts::PI;
+
+use chiaro::scene::{self, Environment, LightKind, Material, Scene};
+use chiaro::{PathOptions, View};
+use chiaro_image::Image;
+use chiaro_testkit::{
+    Stage, Studio, assets, camera_above, device, device_guaranteed, direct, nmae, reference,
+};
+use glam::{Vec2, Vec3, Vec4};
+
+const ALBEDO: f32 = 0.6;
+const SIDE: u32 = 32;
+const HALF: f32 = 2.0;
+
+fn depth(max_depth: u32) -> PathOptions {
+    PathOptions { max_depth, seed: 1 }
+}
+
+fn trace(scene: &Scene, (view, size): (&View, [u32; 2]), options: PathOptions, groups: &[u32]) -> Image {
+    Studio::new(&device_guaranteed(), direct(&[])).truth(scene, (view, size), options, groups)
+}
+
+/// From 10 m above, 4 m a side.
+fn from_above(stage: &Stage, max_depth: u32, samples: u32) -> Image {
+    trace(&stage.scene, (&camera_above(HALF), [SIDE; 2]), depth(max_depth), &[samples])
+}
+
+fn floor() -> Stage {
+    let mut stage = Stage::new();
+    let material = stage.lambert(ALBEDO);
+    stage.quad(Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Z * 4.0, material);
+    stage
+}
+
+/// Where a pixel's middle lies on the floor.
+fn place(x: u32, y: u32) -> Vec3 {
+    let at = |i: u32| ((i as f32 + 0.5) / SIDE as f32 * 2.0 - 1.0) * HALF;
+    Vec3::new(at(x), 0.0, at(y))
+}
+
+fn assert_floor(image: &Image, tolerance: f32, nits: impl Fn(Vec3) -> f32) {
+    for (x, y) in (0..SIDE * SIDE).map(|i| (i % SIDE, i / SIDE)) {
+        let (found, expected) = (image.pixel(x, y)[1], nits(place(x, y)));
+        let off = (found - expected).abs();
+        assert!(off <= tolerance * expected.max(1e-6), "{}: {found} is not {expected}", place(x, y));
+    }
+}
+
+fn mean(image: &Image, of: impl Fn(u32, u32) -> bool) -> f32 {
+    let (width, height) = image.size();
+    let pixels = (0..width * height).map(|i| (i % width, i / width)).filter(|&(x, y)| of(x, y));
+    let values: Vec<_> = pixels.map(|(x, y)| f64::from(image.pixel(x, y)[1])).collect();
+    (values.iter().sum::<f64>() / values.len() as f64) as f32
+}
+
+#[test]
+fn a_lambertian_floor_under_a_sun_shows_e_rho_over_pi() {
+    let mut stage = floor();
+    let direction = Vec3::new(0.6, -1.0, 0.3).normalize();
+    stage.sun(1000.0, direction);
+    assert_floor(&from_above(&stage, 0, 1), 1e-5, |_| 1000.0 * -direction.y * ALBEDO / PI);
+}
+
+#[test]
+fn a_point_light_falls_off_with_the_square_of_its_distance() {
+    let mut stage = floor();
+    stage.light(LightKind::Point, 100.0, None, Vec3::Y * 1.5, Vec3::NEG_Y);
+    // Sixteen places of each pixel.
+    let image = from_above(&stage, 0, 16);
+    assert_floor(&image, 0.005, |at| 100.0 * 1.5 / (at - Vec3::Y * 1.5).length().powi(3) * ALBEDO / PI);
+}
+
+#[test]
+fn a_spot_light_ends_at_its_cone() {
+    let mut stage = floor();
+    let spot = LightKind::Spot { inner_rad: 0.3, outer_rad: 0.5 };
+    stage.light(spot, 100.0, None, Vec3::Y * 2.0, Vec3::NEG_Y);
+    let image = from_above(&stage, 0, 16);
+    let pixel = 2.0 * HALF / SIDE as f32;
+    for (x, y) in (0..SIDE * SIDE).map(|i| (i % SIDE, i / SIDE)) {
+        let at = place(x, y);
+        let angle = (Vec2::new(at.x, at.z).length() / 2.0).atan();
+        let full = 100.0 * 2.0 / (at - Vec3::Y * 2.0).length().powi(3) * ALBEDO / PI;
+        let found = image.pixel(x, y)[1];
+        if angle > 0.5 + pixel {
+            assert!(found == 0.0, "{at}: {found}");
+        } else if angle < 0.3 - pixel {
+            assert!((found / full - 1.0).abs() < 0.01, "{at}: {found} is not {full}");
+        }
+    }
+}
+
+/// A lamp of `half`² · 4 m² at a height, shining down with one nit.
+fn lamp(stage: &mut Stage, height: f32, half: f32) {
+    let shining = Material { emissive: Vec3::ONE, base_color: Vec4::W, specular: 0.0, ..Material::default() };
+    let shining = stage.material(shining);
+    stage.quad(Vec3::Y * height, Vec3::X * half, Vec3::Z * half, shining);
+}
+
+/// Form factor from a place on the floor to a lamp straight above the origin, by quadrature.
+fn form_factor(at: Vec3, height: f32, half: f32) -> f32 {
+    const STEPS: u32 = 64;
+    let step = 2.0 * half / STEPS as f32;
+    let on = |i: u32| (i as f32 + 0.5) * step - half;
+    let cells = (0..STEPS * STEPS).map(|i| Vec3::new(on(i % STEPS), height, on(i / STEPS)) - at);
+    cells.map(|to| (height / to.length()).powi(2) / (PI * to.length_squared())).sum::<f32>() * step * step
+}
+
+#[test]
+fn a_patch_receives_what_the_form_factor_of_a_lamp_says() {
+    let mut stage = floor();
+    lamp(&mut stage, 1.0, 0.4);
+    let tilted = View::look_at(Vec3::new(0.0, 0.5, 4.0), Vec3::ZERO, 0.5, 0.1);
+    // Seen from below the lamp shines, from above it does not.
+    let seen = trace(&stage.scene, (&tilted, [SIDE; 2]), depth(1), &[4]);
+    let above = trace(&stage.scene, (&camera_above(HALF), [SIDE; 2]), depth(1), &[1]);
+    assert!(mean(&seen, |_, _| true) > 0.01 && mean(&above, |_, _| true) == 0.0);
+    let image = from_above(&stage, 2, 256);
+    // Corners of the picture; its middle is under the lamp.
+    for (x, y) in [(0, 0), (28, 0), (0, 28), (28, 28), (14, 0), (28, 14)] {
+        let found = mean(&image, |px, py| (x..x + 4).contains(&px) && (y..y + 4).contains(&py));
+        let cells = (0..16).map(|i| form_factor(place(x + i % 4, y + i / 4), 1.0, 0.4));
+        let expected = cells.sum::<f32>() / 16.0 * ALBEDO;
+        assert!((found / expected - 1.0).abs() < 0.01, "{x} {y}: {found} is not {expected}");
+    }
+}
+
+#[test]
+fn light_bounces_once_between_two_patches_as_their_form_factor_says() {
+    const STEPS: u32 = 256;
+    // A sunlit floor of 2 × 2 m, and a wall over its edge that the sun, straight above, does not light.
+    let mut stage = Stage::new();
+    let material = stage.lambert(ALBEDO);
+    stage.quad(Vec3::ZERO, Vec3::X, Vec3::NEG_Z, material);
+    stage.quad(Vec3::new(0.0, 1.0, -1.0), Vec3::X, Vec3::Y, material);
+    stage.sun(1000.0, Vec3::NEG_Y);
+    let view = View::look_at(Vec3::new(0.0, 1.0, 6.0), Vec3::new(0.0, 1.0, -1.0), 0.02, 0.1);
+    let image = trace(&stage.scene, (&view, [16, 16]), depth(3), &[256, 256]);
+    // The camera sees a spot of the wall 0.14 m wide around its middle.
+    let step = 2.0 / STEPS as f32;
+    let on = |i: u32| (i as f32 + 0.5) * step - 1.0;
+    let factor = (0..STEPS * STEPS)
+        .map(|i| {
+            let to = Vec3::new(on(i % STEPS), 0.0, on(i / STEPS)) - Vec3::new(0.0, 1.0, -1.0);
+            to.z * -to.y / (PI * to.length_squared().powi(2)) * step * step
+        })
+        .sum::<f32>();
+    let expected = 1000.0 * ALBEDO / PI * factor * ALBEDO;
+    let found = mean(&image, |_, _| true);
+    assert!((found / expected - 1.0).abs() < 0.01, "{found} is not {expected}");
+}
+
+fn environment(nits: impl Fn(u32, u32) -> f32) -> Environment {
+    let (width, height) = (128, 64);
+    let texels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let radiance = texels.map(|(x, y)| Vec3::splat(nits(x, y))).collect();
+    Environment { name: "test".into(), width, height, radiance }
+}
+
+#[test]
+fn a_white_furnace_stays_white() {
+    const ROUGHNESSES: [f32; 6] = [0.0, 0.1, 0.3, 0.5, 0.7, 1.0];
+    const METALLIC: [f32; 4] = [1.0, 0.5, 0.25, 0.0];
+    let at = |row: usize, column: usize| Vec3::new(2.0 * column as f32 - 5.0, 0.0, 2.0 * row as f32 - 3.0);
+    let mut stage = Stage::new();
+    // Black below, where the camera would look past a patch.
+    stage.scene.environment = Some(environment(|_, y| if y <= 33 { 1.0 } else { 0.0 }));
+    for (row, metallic) in METALLIC.into_iter().enumerate() {
+        for (column, roughness) in ROUGHNESSES.into_iter().enumerate() {
+            let white = stage.material(Material { metallic, roughness, ..Material::default() });
+            stage.quad(at(row, column), Vec3::X, Vec3::NEG_Z, white);
+        }
+    }
+    let size = [96, 64];
+    // From 11 and from 60 degrees, far away.
+    for towards in [Vec3::new(0.0, 1.0, 0.2), Vec3::new(0.0, 1.0, 1.73)] {
+        let view = View::look_at(towards * 100.0, Vec3::ZERO, 0.075, 0.1);
+        let image = trace(&stage.scene, (&view, size), depth(0), &[128]);
+        for (row, metallic) in METALLIC.into_iter().enumerate() {
+            for (column, roughness) in ROUGHNESSES.into_iter().enumerate() {
+                let ndc = view.clip_from_ws(size, Vec2::ZERO).project_point3(at(row, column));
+                let middle = (Vec2::new(ndc.x, -ndc.y) * 0.5 + 0.5) * Vec2::new(96.0, 64.0);
+                let near = |x: u32, y: u32| {
+                    let away = (Vec2::new(x as f32, y as f32) + 0.5 - middle).abs();
+                    away.x < 3.0 && away.y < 2.0
+                };
+                let found = mean(&image, near);
+                let range = if metallic == 1.0 { 0.99..1.01 } else { 0.95..1.01 };
+                assert!(
+                    range.contains(&found),
+                    "metallic {metallic} roughness {roughness} {towards}: {found}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_bright_texel_of_the_environment_lights_like_its_solid_angle() {
+    let mut stage = floor();
+    let (row, column) = (16, 40);
+    stage.scene.environment = Some(environment(|x, y| if (x, y) == (column, row) { 1000.0 } else { 0.0 }));
+    let edge = |row: f32| (row / 64.0 * PI).cos();
+    // The cube that holds the map has texels of its own: a few percent for a single one.
+    let angle = 2.0 * PI / 128.0 * (edge(row as f32) - edge(row as f32 + 1.0));
+    let expected = 1000.0 * angle * edge(row as f32 + 0.5) * ALBEDO / PI;
+    let found = mean(&from_above(&stage, 0, 64), |_, _| true);
+    assert!((found / expected - 1.0).abs() < 0.03, "{found} is not {expected}");
+    // And a screen over the floor shades just where that texel says it does, however the map is turned.
+    let blocker = stage.lambert(0.0);
+    let phi = (column as f32 + 0.5) / 128.0 * 2.0 * PI;
+    let polar = (row as f32 + 0.5) / 64.0 * PI;
+    let to = Vec3::new(polar.sin() * phi.sin(), polar.cos(), -polar.sin() * phi.cos());
+    stage.quad(to * 20.0, Vec3::X * 6.0, Vec3::NEG_Z * 6.0, blocker);
+    let studio = |turn: &str| Studio::new(&device_guaranteed(), direct(&[("environment.rotation", turn)]));
+    let view = (&camera_above(HALF), [SIDE; 2]);
+    let shaded = studio("0").truth(&stage.scene, view, depth(0), &[16]);
+    assert!(mean(&shaded, |_, _| true) < 0.02 * expected);
+    let lit = studio("90").truth(&stage.scene, view, depth(0), &[64]);
+    let found = mean(&lit, |_, _| true);
+    assert!((found / expected - 1.0).abs() < 0.03, "{found} is not {expected}");
+}
+
+/// Share of unpolarised light that an interface reflects.
+fn fresnel(cosine: f32, ior: f32) -> f32 {
+    let t = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).sqrt();
+    let s = (cosine - ior * t) / (cosine + ior * t);
+    let p = (ior * cosine - t) / (ior * cosine + t);
+    0.5 * (s * s + p * p)
+}
+
+#[test]
+fn a_glass_slab_reflects_refracts_and_absorbs() {
+    let (ior, thick, colour, distance) = (1.5, 0.5, 0.3f32, 0.8);
+    for angle in [0.0f32, 0.6, 1.2] {
+        let mut stage = Stage::new();
+        let glass = Material {
+            transmission: 1.0,
+            roughness: 0.0,
+            ior,
+            thickness: 1.0,
+            attenuation_color: Vec3::splat(colour),
+            attenuation_distance: distance,
+            ..Material::default()
+        };
+        let glass = stage.material(glass);
+        stage.cuboid(Vec3::ZERO, Vec3::new(50.0, 0.5 * thick, 50.0), glass);
+        let shining = Material {
+            emissive: Vec3::splat(7.0),
+            base_color: Vec4::W,
+            specular: 0.0,
+            ..Material::default()
+        };
+        let shining = stage.material(shining);
+        stage.quad(Vec3::NEG_Y, Vec3::X * 60.0, Vec3::NEG_Z * 60.0, shining);
+        let towards = Vec3::new(angle.sin(), angle.cos(), 0.0);
+        let view = View::look_at(towards * 5.0, Vec3::ZERO, 0.002, 0.1);
+        let image = trace(&stage.scene, (&view, [8, 8]), depth(0), &[256]);
+        // Light that went back and forth inside arrives too; the black lamp returns nothing.
+        let inside = (1.0 - (angle.sin() / ior).powi(2)).sqrt();
+        let passes = colour.powf(thick / inside / distance);
+        let r = fresnel(angle.cos(), ior);
+        let expected = 7.0 * (1.0 - r).powi(2) * passes / (1.0 - (r * passes).powi(2));
+        let found = mean(&image, |_, _| true);
+        assert!((found / expected - 1.0).abs() < 0.005, "{angle}: {found} is not {expected}");
+    }
+}
+
+#[test]
+fn light_under_water_is_as_bright_above_it() {
+    // A uniform sky through a rough and a smooth surface of a medium with a white floor: all that enters comes back.
+    for roughness in [0.0, 0.2] {
+        let mut stage = Stage::new();
+        stage.scene.environment = Some(environment(|_, _| 1.0));
+        let white = stage.lambert(1.0);
+        stage.quad(Vec3::NEG_Y * 0.01, Vec3::X * 500.0, Vec3::NEG_Z * 500.0, white);
+        let water =
+            Material { transmission: 1.0, roughness, ior: 1.33, thickness: 1.0, ..Material::default() };
+        let water = stage.material(water);
+        stage.quad(Vec3::ZERO, Vec3::X * 500.0, Vec3::NEG_Z * 500.0, water);
+        let view = View::look_at(Vec3::new(0.0, 2.0, 1.0), Vec3::ZERO, 0.02, 0.1);
+        let found = mean(&trace(&stage.scene, (&view, [8, 8]), depth(0), &[512]), |_, _| true);
+        // Rough interfaces lose what facets scatter to each other.
+        let least = if roughness > 0.0 { 0.93 } else { 0.99 };
+        assert!(found > least && found < 1.01, "{roughness}: {found}");
+    }
+}
+
+#[test]
+fn direct_light_equals_that_of_the_deferred_pipeline() {
+    let mut scene = scene::load("builtin:cornell").unwrap();
+    scene.add_default_view();
+    let view = View::from_scene(&scene, 0).unwrap();
+    let size = [96, 64];
+    let gpu = device();
+    let mut studio = Studio::new(&gpu, direct(&[("shadow.resolution", "4096")]));
+    let loaded = studio.load(&scene);
+    let deferred = studio.radiance(&loaded, &view, size, 64);
+    let traced = studio.truth(&scene, (&view, size), depth(2), &[64]);
+    let distance = nmae(&deferred, &traced);
+    // Shadow edges of a map, the surface buffer's bits, and edges of the box in 64 places of a pixel each.
+    assert!(distance < 0.01, "{distance}");
+}
+
+#[test]
+fn grouping_changes_no_bit_and_another_seed_changes_many() {
+    let mut scene = scene::load("builtin:cornell").unwrap();
+    scene.add_default_view();
+    let view = View::from_scene(&scene, 0).unwrap();
+    let mut studio = Studio::new(&device_guaranteed(), direct(&[]));
+    let mut image = |seed, groups: &[u32]| {
+        let options = PathOptions { max_depth: 0, seed };
+        studio.truth(&scene, (&view, [48, 32]), options, groups)
+    };
+    let once = image(5, &[8]);
+    assert_eq!(once.pixels(), image(5, &[1, 3, 4]).pixels());
+    assert!(nmae(&image(6, &[8]), &once) > 0.01);
+}
+
+fn assert_matches(name: &str, options: PathOptions, samples: usize, most: f64) {
+    let Some(assets) = assets() else { return };
+    let part = if options.max_depth == 2 { "direct" } else { "full" };
+    let expected = reference(&assets, &format!("{name}.{part}"));
+    let scene = scene::load(&assets.join(format!("scenes/{name}.glb")).to_string_lossy()).unwrap();
+    let view = View::from_scene(&scene, 0).unwrap();
+    let size = [expected.width(), expected.height()];
+    let found = trace(&scene, (&view, size), options, &vec![1; samples]);
+    let options = chiaro_image::CompareOptions { blur_px: 4.0, ..Default::default() };
+    let metrics = chiaro_image::Comparison::new(&found, &expected, &options).unwrap().metrics();
+    assert!(metrics.nmae <= most && (metrics.mean_ratio - 1.0).abs() <= 0.01, "{name}: {metrics:?}");
+}
+
+// The noise of so few samples decides the bounds: a quarter of them doubles it.
+#[test]
+fn a_cornell_box_under_a_point_light_matches_its_reference() {
+    assert_matches("cornell_point", depth(2), 4, 0.001);
+}
+
+#[test]
+fn a_cornell_box_under_a_spot_matches_its_reference() {
+    assert_matches("cornell_spot", depth(0), 4, 0.03);
+}
+
+#[test]
+fn a_cornell_box_under_a_lamp_matches_its_reference() {
+    assert_matches("cornell_area", depth(0), 4, 0.03);
+}
