@@ -118,6 +118,7 @@ fn get_in<G: SettingsGroup>(group: &G, key: &str) -> Option<String> {
 
 impl Settings {
     /// These settings with nothing left to the adapter.
+    #[must_use]
     pub fn resolved(&self, gpu: &Gpu) -> Self {
         let mut settings = self.clone();
         if settings.shadow.raster == Raster::Auto {

@@ -54,7 +54,8 @@ impl Exact {
             }
         }
         let (lo, hi) = scene.bounds_at(&pose).unwrap_or_default();
-        let bvh = build_bvh2_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Default::default());
+        let mut took = std::time::Duration::ZERO;
+        let bvh = build_bvh2_from_tris(&triangles, BvhBuildParams::medium_build(), &mut took);
         Self { bvh, triangles, lights: light_data(scene, &pose).0, offset: 1e-5 * (hi - lo).length() }
     }
 

@@ -210,6 +210,11 @@ fn resizes_and_settings_at_random_leave_no_trace() {
 #[test]
 fn every_buffer_can_be_looked_at() {
     let mut driver = Driver::cornell();
+    let mut settings = Settings::default();
+    settings.set("shadow.representation", "moments").unwrap();
+    settings.set("shadow.filter", "gaussian").unwrap();
+    driver.viewer.set(settings);
+    driver.settle();
     driver.press(Key::P);
     driver.press(Key::P);
     for name in Viewer::buffers() {
