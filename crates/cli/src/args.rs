@@ -35,7 +35,7 @@ Examples:
   chiaro render room.glb --camera 1 --set shadow.filter=pcss -o room.exr --aov direct --aov normal
   chiaro render fountain.glb --frames 0..240 --fps 24 -o frames/fountain.png")]
     Render(RenderArgs),
-    /// Open a window on a scene: fly, turn every setting, see every buffer and what it costs
+    /// Open a window on a scene: fly through it, turn every setting, see buffers and costs
     #[command(after_help = "\
 Examples:
   chiaro view

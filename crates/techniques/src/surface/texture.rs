@@ -272,8 +272,8 @@ mod tests {
             pixels.chunks(4).map(|p| DECODE[p[0] as usize]).sum::<f32>() / (pixels.len() / 4) as f32
         };
         let pixels = squared(&image, 64, true);
-        // Samples between texels do not weigh all of them alike: half a percent of this pattern.
-        assert!((light(&pixels) / light(&image.rgba) - 1.0).abs() < 0.006, "{}", light(&pixels));
+        // Overshoot beyond white and black is cut off; resampled codes would lose a tenth.
+        assert!((light(&pixels) / light(&image.rgba) - 1.0).abs() < 0.01, "{}", light(&pixels));
         assert!(pixels.chunks(4).all(|p| p[1..] == [99, 0, 180]));
         assert!(squared(&image, 64, false).chunks(4).all(|p| p[1..] == [99, 0, 180]));
     }
