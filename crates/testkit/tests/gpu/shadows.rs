@@ -283,3 +283,35 @@ fn glass_tints_the_light_it_lets_through_where_asked() {
         assert!(above.distance(Vec3::ONE) < 0.02, "{filter:?}: above the glass {above}");
     }
 }
+
+#[test]
+fn a_masked_fence_is_cut_out_of_cube_and_paraboloids_alike() {
+    let mut stage = floor();
+    let rgba =
+        (0..16).flat_map(|i| [255, 255, 255, if (i % 4 + i / 4) % 2 == 0 { 255 } else { 0 }]).collect();
+    let texture = stage.texture(4, [Wrap::Repeat; 2], Filter::Nearest, rgba);
+    let fence = stage.material(Material {
+        base_color_texture: Some(texture),
+        alpha: AlphaMode::Mask { cutoff: 0.5 },
+        double_sided: true,
+        ..Material::default()
+    });
+    stage.quad(Vec3::new(0.3, 1.0, 0.2), Vec3::new(0.8, 0.1, 0.0), Vec3::new(0.0, 0.1, -0.8), fence);
+    stage.light(LightKind::Point, 10.0, None, Vec3::new(0.1, 2.0, -0.1), Vec3::NEG_Y);
+    let gpu = device();
+    let mut studio = Studio::new(&gpu, settings("3", "512"));
+    let scene = studio.load(&stage.scene);
+    let mut seen = ["cube", "paraboloid"].map(|layout| {
+        let mut settings = settings("3", "512");
+        settings.set("shadow.point_layout", layout).unwrap();
+        studio.set(settings);
+        let image = studio.aov(&scene, &camera_above(2.9), [96, 96], 1, chiaro::Aov::Shadow);
+        image.pixels().iter().map(|pixel| pixel[0]).collect::<Vec<f32>>()
+    });
+    let [cube, paraboloid] = &mut seen;
+    let dark = cube.iter().filter(|&&v| v < 0.1).count();
+    // Half of the fence's shadow, which is about 3.4 m wide, and not all of it.
+    assert!((400..1400).contains(&dark), "{dark} pixels in shadow");
+    let off = cube.iter().zip(paraboloid).map(|(a, b)| (*a - *b).abs()).sum::<f32>() / (96.0 * 96.0);
+    assert!(off < 0.01, "cube and paraboloid differ by {off}");
+}
