@@ -18,5 +18,5 @@ pub use device::{TestGpu, device, device_guaranteed, device_of_its_own};
 pub use exact::{Exact, Hit};
 pub use files::{assets, reference};
 pub use golden::{Tolerance, assert_golden};
-pub use stage::{Stage, camera_above};
+pub use stage::{Stage, camera_above, place_below};
 pub use studio::{Studio, direct, nmae};

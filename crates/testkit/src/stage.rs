@@ -20,6 +20,14 @@ impl Stage {
         Self::default()
     }
 
+    /// A Lambertian floor of 8 × 8 m around the origin.
+    pub fn floor(albedo: f32) -> Self {
+        let mut stage = Self::new();
+        let material = stage.lambert(albedo);
+        stage.quad(Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Z * 4.0, material);
+        stage
+    }
+
     /// Adds a material.
     pub fn material(&mut self, material: Material) -> Id {
         self.scene.materials.push(material);
@@ -112,4 +120,10 @@ pub fn camera_above(half_height_m: f32) -> View {
         near_m: 0.1,
         far_m: 30.0,
     }
+}
+
+/// Where on the floor the middle of a pixel lies that [`camera_above`] takes, in a picture of `side`².
+pub fn place_below([x, y]: [u32; 2], side: u32, half_height_m: f32) -> Vec3 {
+    let at = |i: u32| ((i as f32 + 0.5) / side as f32 * 2.0 - 1.0) * half_height_m;
+    Vec3::new(at(x), 0.0, at(y))
 }

@@ -54,6 +54,13 @@ pub struct SunFit {
     pub reserved: u32,
 }
 
+impl SunFit {
+    /// Whether a layer is one of this sun's.
+    pub fn holds(&self, layer: u32) -> bool {
+        (self.first_view..self.first_view + self.count).contains(&layer)
+    }
+}
+
 /// From where to where a cascade's depth reaches along the light.
 #[derive(Clone, Copy, Debug)]
 struct Along {
@@ -335,10 +342,12 @@ impl Fitter {
     /// Which of the views culled together are fitted.
     pub fn culls<'a>(&'a self, suns: &[SunFit], layers: &[u32]) -> Vec<Over<'a>> {
         let Some(room) = &self.views else { return Vec::new() };
-        let fitted =
-            |layer: u32| suns.iter().any(|sun| (sun.first_view..sun.first_view + sun.count).contains(&layer));
         let over = |(index, &layer): (usize, &u32)| {
-            fitted(layer).then_some(Over { views: &room.culls, from: layer as usize, to: index })
+            suns.iter().any(|sun| sun.holds(layer)).then_some(Over {
+                views: &room.culls,
+                from: layer as usize,
+                to: index,
+            })
         };
         layers.iter().enumerate().filter_map(over).collect()
     }

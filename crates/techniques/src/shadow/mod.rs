@@ -9,7 +9,7 @@
 //! | input | output | format | space, unit |
 //! | --- | --- | --- | --- |
 //! | lights, scene bounds, camera | shadow views (group 0) | `ShadowView` | world metres |
-//! | scene geometry | maps | Depth32Float array, a layer a view | reversed light-clip z; of a paraboloid near / distance |
+//! | scene geometry | maps | Depth32Float array (R32Float where compute draws), a layer a view | reversed light-clip z; of a paraboloid near / distance |
 //! | maps | moments | R, RG or RGBA32Float array | linear depth 0..1 and functions of it |
 //!
 //! Limits: see-through surfaces cast full shadows, blended ones where their alpha is at least a half, unless

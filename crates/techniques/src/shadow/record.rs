@@ -272,9 +272,7 @@ impl ShadowMaps {
         };
         // Whatever moves may change what is in the picture, and with it the fit.
         let refit = rendered.fitted != views.fitted || poses != 0;
-        let fitted = |layer: u32| {
-            views.fitted.iter().any(|sun| (sun.first_view..sun.first_view + sun.count).contains(&layer))
-        };
+        let fitted = |layer: u32| views.fitted.iter().any(|sun| sun.holds(layer));
         (0..)
             .zip(&views.views)
             .filter(|(layer, view)| {
@@ -327,7 +325,7 @@ impl ShadowMaps {
                 // What was fitted on the GPU stands in the draw views alone.
                 let is_fitted = |layer: u32| {
                     let mut suns = views.fitted.iter();
-                    suns.any(|sun| (sun.first_view..sun.first_view + sun.count).contains(&layer))
+                    suns.any(|sun| sun.holds(layer))
                 };
                 let over: Vec<_> = (0..)
                     .zip(chunk)

@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use chiaro::scene::LightKind;
 use chiaro::{Pipeline, Settings};
 use chiaro_image::Image;
-use chiaro_testkit::{Stage, Studio, camera_above, device, direct};
+use chiaro_testkit::{Stage, Studio, camera_above, device, direct, place_below};
 use glam::Vec3;
 
 /// A base colour that the surface buffer's 10 bits of √ keep exactly.
@@ -16,17 +16,9 @@ const HALF: f32 = 2.0;
 /// Radiance passes through half floats (2⁻¹¹) and drivers' square roots: 0.2 %.
 const TOLERANCE: f32 = 2e-3;
 
-fn floor() -> Stage {
-    let mut stage = Stage::new();
-    let material = stage.lambert(ALBEDO);
-    stage.quad(Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Z * 4.0, material);
-    stage
-}
-
 /// Where a pixel's middle lies on the floor.
 fn place(x: u32, y: u32) -> Vec3 {
-    let at = |i: u32| ((i as f32 + 0.5) / SIDE as f32 * 2.0 - 1.0) * HALF;
-    Vec3::new(at(x), 0.0, at(y))
+    place_below([x, y], SIDE, HALF)
 }
 
 /// Every pipeline, compiled once a test.
@@ -72,7 +64,7 @@ fn a_lambertian_floor_under_a_sun_of_e_lux_shows_e_rho_over_pi_nits() {
     let mut studios = Studios::new();
     for direction in [Vec3::NEG_Y, Vec3::new(0.6, -1.0, 0.3).normalize()] {
         for lux in [0.05, 1000.0, 120_000.0] {
-            let mut stage = floor();
+            let mut stage = Stage::floor(ALBEDO);
             stage.sun(lux, direction);
             studios.assert_lit(&stage, |_| Some(lux * -direction.y));
         }
@@ -81,7 +73,7 @@ fn a_lambertian_floor_under_a_sun_of_e_lux_shows_e_rho_over_pi_nits() {
 
 #[test]
 fn a_point_lights_by_the_inverse_square_of_its_distance() {
-    let mut stage = floor();
+    let mut stage = Stage::floor(ALBEDO);
     let (at, candela) = (Vec3::new(0.3, 0.8, -0.5), 40.0);
     stage.light(LightKind::Point, candela, None, at, Vec3::NEG_Y);
     Studios::new().assert_lit(&stage, |p| Some(candela * at.y / at.distance(p).powi(3)));
@@ -90,7 +82,7 @@ fn a_point_lights_by_the_inverse_square_of_its_distance() {
 #[test]
 fn many_points_add_up() {
     // More lights than one word of the froxel's bits.
-    let mut stage = floor();
+    let mut stage = Stage::floor(ALBEDO);
     let lights: Vec<_> =
         (0..40).map(|i| Vec3::new((i % 8) as f32 * 0.5 - 1.75, 0.6, (i / 8) as f32 * 0.8 - 1.6)).collect();
     for at in &lights {
@@ -102,7 +94,7 @@ fn many_points_add_up() {
 
 #[test]
 fn a_range_windows_the_inverse_square_as_gltf_recommends() {
-    let mut stage = floor();
+    let mut stage = Stage::floor(ALBEDO);
     let (at, range) = (Vec3::new(0.0, 0.9, 0.0), 1.8f32);
     stage.light(LightKind::Point, 10.0, Some(range), at, Vec3::NEG_Y);
     Studios::new().assert_lit(&stage, |p| {
@@ -117,7 +109,7 @@ fn a_range_windows_the_inverse_square_as_gltf_recommends() {
 fn a_spot_falls_off_between_its_cones_as_gltf_says_and_by_the_inverse_square() {
     let mut studios = Studios::new();
     for (inner, outer, tilt) in [(0.2f32, 0.6f32, 0.0f32), (0.0, 0.9, 0.4), (0.5, 0.52, 0.2)] {
-        let mut stage = floor();
+        let mut stage = Stage::floor(ALBEDO);
         let at = Vec3::new(-0.2, 1.5, 0.1);
         let axis = Vec3::new(tilt, -1.0, 0.0).normalize();
         stage.light(LightKind::Spot { inner_rad: inner, outer_rad: outer }, 100.0, None, at, axis);
@@ -135,7 +127,7 @@ fn a_spot_falls_off_between_its_cones_as_gltf_says_and_by_the_inverse_square() {
 
 #[test]
 fn a_spot_wider_than_its_map_is_lit_to_its_cone() {
-    let mut stage = floor();
+    let mut stage = Stage::floor(ALBEDO);
     let at = Vec3::new(0.0, 0.15, 0.0);
     stage.light(LightKind::Spot { inner_rad: 1.5, outer_rad: 1.52 }, 1.0, None, at, Vec3::NEG_Y);
     // Up to 85.5° from the axis: a map reaches 80°.
@@ -144,7 +136,7 @@ fn a_spot_wider_than_its_map_is_lit_to_its_cone() {
 
 #[test]
 fn a_light_behind_a_surface_does_not_reach_it() {
-    let mut stage = floor();
+    let mut stage = Stage::floor(ALBEDO);
     stage.light(LightKind::Point, 100.0, None, Vec3::new(0.0, -0.5, 0.0), Vec3::NEG_Y);
     stage.sun(100.0, Vec3::new(0.1, 1.0, 0.0));
     for (pipeline, image) in Studios::new().pictures(&stage) {

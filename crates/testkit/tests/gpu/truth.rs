@@ -6,7 +6,7 @@ use chiaro::scene::{self, Environment, LightKind, Material, Scene};
 use chiaro::{PathOptions, View};
 use chiaro_image::Image;
 use chiaro_testkit::{
-    Stage, Studio, assets, camera_above, device, device_guaranteed, direct, nmae, reference,
+    Stage, Studio, assets, camera_above, device, device_guaranteed, direct, nmae, place_below, reference,
 };
 use glam::{Vec2, Vec3, Vec4};
 
@@ -27,17 +27,9 @@ fn from_above(stage: &Stage, max_depth: u32, samples: u32) -> Image {
     trace(&stage.scene, (&camera_above(HALF), [SIDE; 2]), depth(max_depth), &[samples])
 }
 
-fn floor() -> Stage {
-    let mut stage = Stage::new();
-    let material = stage.lambert(ALBEDO);
-    stage.quad(Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Z * 4.0, material);
-    stage
-}
-
 /// Where a pixel's middle lies on the floor.
 fn place(x: u32, y: u32) -> Vec3 {
-    let at = |i: u32| ((i as f32 + 0.5) / SIDE as f32 * 2.0 - 1.0) * HALF;
-    Vec3::new(at(x), 0.0, at(y))
+    place_below([x, y], SIDE, HALF)
 }
 
 fn assert_floor(image: &Image, tolerance: f32, nits: impl Fn(Vec3) -> f32) {
@@ -57,7 +49,7 @@ fn mean(image: &Image, of: impl Fn(u32, u32) -> bool) -> f32 {
 
 #[test]
 fn a_lambertian_floor_under_a_sun_shows_e_rho_over_pi() {
-    let mut stage = floor();
+    let mut stage = Stage::floor(ALBEDO);
     let direction = Vec3::new(0.6, -1.0, 0.3).normalize();
     stage.sun(1000.0, direction);
     assert_floor(&from_above(&stage, 0, 1), 1e-5, |_| 1000.0 * -direction.y * ALBEDO / PI);
@@ -65,7 +57,7 @@ fn a_lambertian_floor_under_a_sun_shows_e_rho_over_pi() {
 
 #[test]
 fn a_point_light_falls_off_with_the_square_of_its_distance() {
-    let mut stage = floor();
+    let mut stage = Stage::floor(ALBEDO);
     stage.light(LightKind::Point, 100.0, None, Vec3::Y * 1.5, Vec3::NEG_Y);
     // Sixteen places of each pixel.
     let image = from_above(&stage, 0, 16);
@@ -74,7 +66,7 @@ fn a_point_light_falls_off_with_the_square_of_its_distance() {
 
 #[test]
 fn a_spot_light_ends_at_its_cone() {
-    let mut stage = floor();
+    let mut stage = Stage::floor(ALBEDO);
     let spot = LightKind::Spot { inner_rad: 0.3, outer_rad: 0.5 };
     stage.light(spot, 100.0, None, Vec3::Y * 2.0, Vec3::NEG_Y);
     let image = from_above(&stage, 0, 16);
@@ -110,7 +102,7 @@ fn form_factor(at: Vec3, height: f32, half: f32) -> f32 {
 
 #[test]
 fn a_patch_receives_what_the_form_factor_of_a_lamp_says() {
-    let mut stage = floor();
+    let mut stage = Stage::floor(ALBEDO);
     lamp(&mut stage, 1.0, 0.4);
     let tilted = View::look_at(Vec3::new(0.0, 0.5, 4.0), Vec3::ZERO, 0.5, 0.1);
     // Seen from below the lamp shines, from above it does not.
@@ -199,7 +191,7 @@ fn a_white_furnace_stays_white() {
 
 #[test]
 fn a_bright_texel_of_the_environment_lights_like_its_solid_angle() {
-    let mut stage = floor();
+    let mut stage = Stage::floor(ALBEDO);
     let (row, column) = (16, 40);
     stage.scene.environment = Some(environment(|x, y| if (x, y) == (column, row) { 1000.0 } else { 0.0 }));
     let edge = |row: f32| (row / 64.0 * PI).cos();
