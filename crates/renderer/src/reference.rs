@@ -1,7 +1,7 @@
 //! Path-traced truth, sample by sample.
 
 use bytemuck::Zeroable;
-use chiaro_gpu::{Frame, Readback};
+use chiaro_gpu::{Frame, Gpu, Readback, Texture, wgpu};
 use chiaro_scene::Scene;
 use chiaro_techniques::reference::bvh::{TraceData, TraceScene};
 use chiaro_techniques::reference::path::{PathSum, PathTracer};
@@ -87,6 +87,60 @@ impl Reference {
     pub fn squares(&self) -> Result<Readback, Error> {
         Ok(Readback::start(&self.kit.gpu, self.sum.squares())?)
     }
+
+    /// Everything that samples are added to, by names that stay: Rgba32Float, summed over samples.
+    pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture)> {
+        self.sum.layers()
+    }
+
+    /// A read-back of each of [`Reference::layers`]: all that [`Reference::restore`] needs.
+    ///
+    /// # Errors
+    /// As [`Reference::sum`].
+    pub fn read_layers(&self) -> Result<Vec<(&'static str, Readback)>, Error> {
+        self.layers().map(|(name, texture)| Ok((name, Readback::start(&self.kit.gpu, texture)?))).collect()
+    }
+
+    /// Goes on from where a reference of the same scene, settings, view, size and options stood after so many samples:
+    /// what is added then gives the image, bit for bit, that one without a break would. `layers` are its
+    /// [`Reference::layers`], four floats a pixel, row after row from the top; further ones do no harm.
+    ///
+    /// # Errors
+    /// When a layer is missing or of another size. Nothing has changed then.
+    pub fn restore<L: AsRef<[f32]>>(&mut self, samples: u32, layers: &[(&str, L)]) -> Result<(), Error> {
+        let fitting = self.layers().map(|(name, texture)| {
+            let (_, texels) = layers
+                .iter()
+                .find(|(found, _)| *found == name)
+                .ok_or_else(|| Error::Unfinished(format!("its layer `{name}` is missing")))?;
+            let texels = texels.as_ref();
+            let options = texture.options();
+            let needed = 4 * options.width as usize * options.height as usize;
+            if texels.len() != needed {
+                let found = texels.len();
+                return Err(Error::Unfinished(format!(
+                    "its layer `{name}` has {found} values, not {needed}"
+                )));
+            }
+            Ok((texture, texels))
+        });
+        for (texture, texels) in fitting.collect::<Result<Vec<_>, _>>()? {
+            upload(&self.kit.gpu, texture, texels);
+        }
+        self.sum.resume(samples);
+        Ok(())
+    }
+}
+
+/// Fills an Rgba32Float texture, whose usage holds `COPY_DST`.
+fn upload(gpu: &Gpu, texture: &Texture, texels: &[f32]) {
+    let (width, height) = (texture.options().width, texture.options().height);
+    gpu.queue.write_texture(
+        texture.raw().as_image_copy(),
+        bytemuck::cast_slice(texels),
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * width), rows_per_image: None },
+        wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+    );
 }
 
 fn frame_data(loaded: &LoadedScene, settings: &Settings, view: &View, size_px: [u32; 2]) -> FrameData {

@@ -50,11 +50,14 @@ pub struct PathOptions {
     pub seed: u32,
 }
 
+/// Names of an image's sums, in the order of their textures.
+const LAYERS: [&str; 2] = ["sum", "squares"];
+
 /// Samples of an image so far.
 #[derive(Clone, Debug)]
 pub struct PathSum {
-    // Two that take turns: [sum, squares] each.
-    textures: [[Texture; 2]; 2],
+    // Two of each layer that take turns.
+    textures: [[Texture; LAYERS.len()]; 2],
     newest: usize,
     samples: u32,
 }
@@ -62,10 +65,12 @@ pub struct PathSum {
 impl PathSum {
     /// No samples.
     pub fn new(gpu: &Gpu, [width, height]: [u32; 2]) -> Self {
-        let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
+        let usage = TextureUsages::TEXTURE_BINDING
+            | TextureUsages::STORAGE_BINDING
+            | TextureUsages::COPY_SRC
+            | TextureUsages::COPY_DST;
         let options = TextureOptions::new(width, height, TextureFormat::Rgba32Float, usage);
-        let make = |name| Texture::new(gpu, name, Life::Kept, options);
-        let textures = [0, 1].map(|_| [make("path_sum"), make("path_squares")]);
+        let textures = [0, 1].map(|_| LAYERS.map(|name| Texture::new(gpu, name, Life::Kept, options)));
         Self { textures, newest: 0, samples: 0 }
     }
 
@@ -82,6 +87,16 @@ impl PathSum {
     /// Squares of the samples' nits, summed.
     pub fn squares(&self) -> &Texture {
         &self.textures[self.newest][1]
+    }
+
+    /// Everything that more samples are added to, by names that stay: Rgba32Float all.
+    pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture)> {
+        LAYERS.into_iter().zip(&self.textures[self.newest])
+    }
+
+    /// Says that the textures of [`PathSum::layers`] were filled with what so many samples left there.
+    pub fn resume(&mut self, samples: u32) {
+        self.samples = samples;
     }
 }
 
