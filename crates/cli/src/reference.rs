@@ -3,11 +3,11 @@
 use std::time::{Duration, Instant};
 
 use chiaro::scene::Scene;
-use chiaro::{PathOptions, Pixels, Recorder, Reference};
+use chiaro::{Integrator, Pixels, Recorder, Reference, ReferenceOptions};
 use chiaro_image::{Precision, write_exr};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::args::{ReferenceArgs, SettingsArgs};
+use crate::args::{self, ReferenceArgs, SettingsArgs};
 use crate::output::print;
 use crate::render::{create_parent, mean};
 use crate::session::Session;
@@ -24,7 +24,16 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     if session.duration_s().is_some() {
         eprintln!("note: this scene moves; the reference shows it at time 0");
     }
-    let options = PathOptions { max_depth: args.max_depth, seed: args.seed };
+    let options = ReferenceOptions {
+        integrator: match args.integrator {
+            args::Integrator::Path => Integrator::Path,
+            args::Integrator::Photon => Integrator::Photon,
+            args::Integrator::Full => Integrator::Full,
+        },
+        max_depth: args.max_depth,
+        diffuse_bounces: args.diffuse_bounces.unwrap_or(u32::MAX),
+        seed: args.seed,
+    };
     let scenes = (source, scene);
     let mut reference = Reference::new(renderer.kit(), scenes, renderer.settings(), (view, *size), options)?;
     let mut recorder = Recorder::new(gpu, false);

@@ -1,18 +1,54 @@
-//! Path-traced truth, sample by sample.
+//! Light transport without shortcuts, sample by sample.
 
 use bytemuck::Zeroable;
 use chiaro_gpu::{Frame, Gpu, Readback, Texture, wgpu};
 use chiaro_scene::Scene;
 use chiaro_techniques::reference::bvh::{TraceData, TraceScene};
-use chiaro_techniques::reference::path::{PathSum, PathTracer};
+use chiaro_techniques::reference::path::{PathOptions, PathSum, PathTracer};
+use chiaro_techniques::reference::photon::{
+    PhotonMap, PhotonOptions, PhotonTracer, PhotonView, specular_bounds,
+};
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup, LightData};
 use glam::Vec2;
 
-pub use chiaro_techniques::reference::path::PathOptions;
-
+use crate::loaded::WHITE_STORED;
 use crate::{Error, Kit, LoadedScene, Settings, View};
 
-/// An image being path traced: the mean of samples that [`Reference::add`] adds.
+/// Which paths make an image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Integrator {
+    /// Paths from the camera: all light but that of lamps without extent over mirrors or through smooth glass.
+    #[default]
+    Path,
+    /// Paths from the lights to surfaces that scatter and are seen directly; mirrors and smooth glass are black.
+    Photon,
+    /// Both, nothing twice: everything. Where nothing mirrors or refracts, the same as [`Integrator::Path`].
+    Full,
+}
+
+/// What is traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReferenceOptions {
+    /// Which paths.
+    pub integrator: Integrator,
+    /// Most edges of a path: 1 shows what glows, 2 direct light, 3 one bounce; 0 = no limit.
+    pub max_depth: u32,
+    /// Most times that light is scattered from one surface to another; mirrors and smooth interfaces do not count.
+    pub diffuse_bounces: u32,
+    /// What random numbers start from.
+    pub seed: u32,
+}
+
+impl Default for ReferenceOptions {
+    fn default() -> Self {
+        Self { integrator: Integrator::Path, max_depth: 0, diffuse_bounces: u32::MAX, seed: 0 }
+    }
+}
+
+/// Samples that share light paths: enough for lanes to balance long paths with short ones.
+const ROUND: u32 = 4;
+
+/// An image being traced: the mean of samples that [`Reference::add`] adds.
 ///
 /// Of the settings those count that say what is there, not how it is drawn: `surface.lighting`, `surface.normal_maps`
 /// and `environment.*`. Where a scene has no environment, the surroundings are black.
@@ -22,28 +58,48 @@ pub struct Reference {
     frame_group: FrameGroup,
     traced: TraceScene,
     tracer: PathTracer,
+    photons: Option<(PhotonTracer, PhotonMap)>,
     sum: PathSum,
-    options: PathOptions,
+    options: ReferenceOptions,
 }
 
 impl Reference {
-    /// Builds the scene's trees, and compiles the path tracer. `loaded` is `scene` uploaded by the same kit, as it stands at
+    /// Builds the scene's trees, and compiles the tracers. `loaded` is `scene` uploaded by the same kit, as it stands at
     /// time 0.
     ///
     /// # Errors
-    /// When the scene's trees do not fit the adapter, or a shader does not compile.
+    /// When the scene's trees or the image's light paths do not fit the adapter, or a shader does not compile.
     pub fn new(
         kit: &Kit,
         (scene, loaded): (&Scene, &LoadedScene),
         settings: &Settings,
         (view, size_px): (&View, [u32; 2]),
-        options: PathOptions,
+        options: ReferenceOptions,
     ) -> Result<Self, Error> {
         let gpu = &kit.gpu;
         let traced = TraceData::build(scene).upload(gpu)?;
         let facts = loaded.gpu.facts;
-        let tracer = PathTracer::new(gpu, &kit.library, &kit.frame_layout, &kit.scene_layout, facts)?;
-        let mut frame_group = kit.frame_group()?;
+        let frame_layout = FrameGroup::layout_without_shadows(gpu);
+        let pose = scene.pose(0.0);
+        let photon_view = PhotonView {
+            size_px,
+            pixel_m2: view.pixel_m2(size_px),
+            typical_nits: WHITE_STORED / loaded.radiance_scale,
+            bounds_ws: scene.bounds_at(&pose).unwrap_or_default(),
+            specular_ws: specular_bounds(scene, &pose),
+        };
+        let needed = match options.integrator {
+            Integrator::Path => false,
+            Integrator::Photon => true,
+            Integrator::Full => photon_view.specular_ws.is_some(),
+        };
+        let layouts = (&frame_layout, &kit.scene_layout);
+        let tracer = PathTracer::new(gpu, &kit.library, layouts, facts, needed)?;
+        let photons = needed.then(|| -> Result<_, Error> {
+            Ok((PhotonTracer::new(gpu, &kit.library, layouts, facts)?, PhotonMap::new(gpu, photon_view)?))
+        });
+        let photons = photons.transpose()?;
+        let mut frame_group = kit.frame_group_of(&frame_layout)?;
         let environment = loaded.environment.as_ref().map(|map| &map.texture);
         frame_group.reserve(gpu, loaded.lights.len(), 0, environment);
         let data = frame_data(loaded, settings, view, size_px);
@@ -51,19 +107,46 @@ impl Reference {
             loaded.lights.iter().map(|l| LightData { first_view: LightData::NO_VIEW, ..*l }).collect();
         gpu.queue.write_buffer(frame_group.frame.raw(), 0, bytemuck::bytes_of(&data));
         gpu.queue.write_buffer(frame_group.lights.raw(), 0, bytemuck::cast_slice(&lights));
-        let sum = PathSum::new(gpu, size_px);
+        let sum = PathSum::new(gpu, size_px, needed);
         gpu.check()?;
-        Ok(Self { kit: kit.clone(), frame_group, traced, tracer, sum, options })
+        Ok(Self { kit: kit.clone(), frame_group, traced, tracer, photons, sum, options })
     }
 
-    /// Records `count` more samples of every pixel. However they are grouped, the image is the same.
-    pub fn add(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene, count: u32) {
-        let scene = (self.frame_group.group(), &loaded.gpu, &self.traced);
+    /// Samples that are added together: counts are rounded up to a multiple of this.
+    pub fn round(&self) -> u32 {
         // llvmpipe silently ends all loops of an invocation after 65,535 iterations together: a sample is well below that.
-        let each = if self.kit.gpu.is_software() { 1 } else { count.max(1) };
+        if self.photons.is_some() && !self.kit.gpu.is_software() { ROUND } else { 1 }
+    }
+
+    /// Light paths for each sample of the image; 0 where there are none.
+    pub fn light_paths(&self) -> u32 {
+        self.photons.as_ref().map_or(0, |(_, map)| map.lanes())
+    }
+
+    /// Records `count` more samples of every pixel, in whole rounds. However they are grouped, the image is the same.
+    pub fn add(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene, count: u32) {
+        let ReferenceOptions { integrator, max_depth, diffuse_bounces, seed } = self.options;
+        let alone = integrator == Integrator::Photon;
+        // Beside light paths that bring all else, what is seen of lights themselves.
+        let path = PathOptions { max_depth: if alone { 1 } else { max_depth }, diffuse_bounces, seed };
+        let light = PhotonOptions { max_depth, diffuse_bounces, seed, caustics_only: !alone };
+        let scene = (self.frame_group.group(), &loaded.gpu, &self.traced);
+        let each = match self.photons {
+            Some(_) => self.round(),
+            None if self.kit.gpu.is_software() => 1,
+            None => count.max(1),
+        };
         for first in (0..count).step_by(each as usize) {
-            let now = each.min(count - first);
-            self.tracer.record(frame, scene, self.options, now, &mut self.sum);
+            match &self.photons {
+                Some((tracer, map)) => {
+                    tracer.record(frame, scene, light, (self.sum.samples(), each), map);
+                    self.tracer.record(frame, scene, path, each, (&mut self.sum, Some(map)));
+                }
+                None => {
+                    let now = each.min(count - first);
+                    self.tracer.record(frame, scene, path, now, (&mut self.sum, None));
+                }
+            }
         }
     }
 
