@@ -1,60 +1,61 @@
-//! Rays through the scene without ray-tracing hardware: a two-level BVH that compute shaders walk.
+//! Rays through the scene without ray-tracing hardware: two levels of trees that compute shaders walk.
 //!
-//! A binary tree (obvhs: PLOC, Meister & Bittner 2018, with reinsertion) whose nodes hold their two children's boxes
-//! (Aila & Laine 2009, "Understanding the Efficiency of Ray Traversal on GPUs"). All that neither moves nor is drawn
-//! many times lies in one tree in world space; meshes that move, bend or are drawn often have a tree each, in object
-//! space, under an upper tree of instances. Binary rather than wide and quantised because the tree of a bending mesh
-//! can then be refitted in place, children before parents, without being quantised anew.
-//!
-//! Triangles are tested where the pictures draw them: corners come from the geometry heap and are carried to world
-//! space by their instance, so nothing is stored twice, and a ray meets what the rasteriser shows.
-//!
-//! | input | output | format | unit |
-//! | --- | --- | --- | --- |
-//! | scene | `tracer` (group 2, binding 15 of shaders that import `traverse.wesl`) | vec4u | – |
-//! | scene group (geometry, clusters, instances, materials, textures) | closest or any hit | `Hit` | m |
-//!
-//! Limits: trees are built for the pose at time 0; masked triangles are cut out at the finest mip; blended ones count as
-//! masked at half coverage, as in shadow maps. 128 MiB, which every adapter binds, hold about 2.5 million triangles.
-//!
-//! Cost: about 50 bytes a triangle; the build about 2 µs a triangle on one core.
-
+//! TODO
 mod tree;
 
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, Gpu, GpuError};
 use chiaro_scene as cs;
-use glam::{Vec3, Vec3A, Vec4};
+use glam::{DMat4, DVec4, Vec3, Vec3A, Vec4};
 use obvhs::aabb::Aabb;
 
 use super::path::emitters::Emitters;
 use crate::surface::material;
 use crate::surface::scene::{Cut, InstanceData};
-use tree::{EMPTY, LOWER_DEPTH, Tree, UPPER_DEPTH};
+use tree::{EMPTY, LOWER_DEPTH, UPPER_DEPTH};
 
 /// A word of `tracer`.
 pub(crate) type Word = [u32; 4];
 
 /// Of a triangle whose instance is the one that the ray is in.
 const NO_INSTANCE: u32 = u32::MAX;
-/// Of a triangle reference, beside three corners of eight bits.
-const MASKED: u32 = 1 << 24;
+/// Of a triangle.
+const MASKED: u32 = 1;
+/// Of the root: its tree's leaves hold triangles.
+const TRIANGLES: u32 = 1 << 31;
 /// The header's words.
 pub(crate) const HEADER: usize = 3;
 /// Meshes drawn more than once get a tree of their own from so many triangles on.
 const SHARED_TRIANGLES: u32 = 512;
-/// What boxes are widened by, relative to the largest coordinate: rounding of transforms that the GPU does its own way.
-const PAD: f32 = 1e-6;
+/// What boxes are widened by, relative to their tree's largest coordinate: rounding of transforms that the GPU does its
+/// own way, and of planes that are found from a node's grid.
+const PAD: f32 = 2e-6;
+/// What counts as a tree's largest coordinate at least, metres.
+const LEAST_EXTENT: f32 = 1e-6;
 /// Beyond this coordinates are no scene but an accident; triangles there are left out.
 const FARTHEST: f32 = 1e15;
 
-/// A triangle as `tracer` names it.
+/// A triangle that is drawn somewhere, or somewhere in its mesh.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TriangleRef {
+    /// What names it to `path/emitters.wesl`: cluster << 8 | triangle, instance, first position in `geometry`, corners of
+    /// 8 bits.
     pub word: Word,
     /// World space for what has an instance, else object space.
     pub corners: [Vec3; 3],
     pub material: u32,
+    masked: bool,
+}
+
+impl TriangleRef {
+    /// What `traverse.wesl` reads.
+    fn words(&self) -> [Word; 3] {
+        let last = [self.word[0], self.word[1], if self.masked { MASKED } else { 0 }];
+        std::array::from_fn(|i| {
+            let [x, y, z] = self.corners[i].to_array().map(f32::to_bits);
+            [x, y, z, last[i]]
+        })
+    }
 }
 
 /// Trees and lights of a scene as shaders read them, made on the CPU by any thread.
@@ -83,9 +84,8 @@ impl TraceData {
             cut.heap.clusters[clusters.clone()].iter().map(|c| c.triangle_count).sum()
         };
         let mut words = vec![[0; 4]; HEADER];
-        let mut fixed = Vec::new();
+        let mut still = Vec::new();
         let mut upper = Vec::new();
-        let mut instances = Vec::new();
         let mut known = vec![None; scene.meshes.len()];
         let mut emitters = Emitters::new(scene, &pose);
         for drawn in &cut.drawn {
@@ -99,12 +99,19 @@ impl TraceData {
                 emitters.add_triangle(reference);
             }
             let shared = uses[drawn.mesh] > 1 && triangles(&drawn.clusters) >= SHARED_TRIANGLES;
-            if drawn.fixed && !shared {
-                fixed.extend(references);
+            let inverse = inverse_rows(instance);
+            // What is squeezed flat has no inverse.
+            if drawn.fixed && (!shared || inverse.is_none()) {
+                still.extend(references);
                 continue;
             }
             let bends = scene.deforms(&scene.nodes[instance.node as usize]);
-            let tree = known[drawn.mesh].filter(|_| !bends).unwrap_or_else(|| {
+            if bends {
+                let tree = lower_tree(&references, &mut words);
+                upper.push(Placed { tree, instance: NO_INSTANCE, rows: [[0; 4]; 3], bounds: tree.bounds });
+                continue;
+            }
+            let tree = *known[drawn.mesh].get_or_insert_with(|| {
                 let own: Vec<_> = drawn
                     .clusters
                     .clone()
@@ -112,20 +119,18 @@ impl TraceData {
                     .collect();
                 lower_tree(&own, &mut words)
             });
-            if !bends {
-                known[drawn.mesh] = Some(tree);
-            }
-            if tree.root != EMPTY {
-                upper.push(moved(&tree.bounds, instance));
-                instances.push([drawn.instance, tree.root, 0, 0]);
+            if let Some(rows) = inverse {
+                let bounds = moved(&tree.bounds, instance);
+                upper.push(Placed { tree, instance: drawn.instance, rows, bounds });
             }
         }
-        let still = lower_tree(&fixed, &mut words);
-        if still.root != EMPTY {
-            upper.push(still.bounds);
-            instances.push([NO_INSTANCE, still.root, 0, 0]);
-        }
-        words[0][0] = tree::write(&upper, &instances, (1, UPPER_DEPTH), &mut words).root;
+        let tree = lower_tree(&still, &mut words);
+        upper.push(Placed { tree, instance: NO_INSTANCE, rows: [[0; 4]; 3], bounds: tree.bounds });
+        upper.retain(|placed| placed.tree.root != EMPTY);
+        words[0][0] = match &upper[..] {
+            [only] if only.instance == NO_INSTANCE => only.tree.root | TRIANGLES,
+            _ => upper_tree(&upper, &mut words),
+        };
         emitters.write(&mut words);
         Self { words }
     }
@@ -137,12 +142,11 @@ impl TraceData {
     pub fn upload(&self, gpu: &Gpu) -> Result<TraceScene, GpuError> {
         let needed = size_of_val(self.words.as_slice()) as u64;
         let limit = gpu.limits.max_storage_buffer_binding_size;
-        // References to nodes have 28 bits.
-        if needed > limit || self.words.len() >= 1 << 28 {
+        if needed > limit {
             return Err(GpuError::TooLarge {
                 what: "the scene's ray-tracing trees".into(),
                 needed,
-                limit: limit.min(16 << 28),
+                limit,
                 unit: "bytes",
                 advice: "simplify or split the scene",
             });
@@ -151,10 +155,36 @@ impl TraceData {
     }
 }
 
+/// A tree among the words.
+#[derive(Clone, Copy, Debug)]
+struct Tree {
+    root: u32,
+    bounds: Aabb,
+}
+
+/// A tree where it stands in the world.
+struct Placed {
+    tree: Tree,
+    instance: u32,
+    rows: [Word; 3],
+    bounds: Aabb,
+}
+
 fn lower_tree(triangles: &[TriangleRef], words: &mut Vec<Word>) -> Tree {
-    let boxes: Vec<_> = triangles.iter().map(|t| bounds(&t.corners)).collect();
-    let references: Vec<_> = triangles.iter().map(|t| t.word).collect();
-    tree::write(&boxes, &references, (4, LOWER_DEPTH), words)
+    let boxes = padded(triangles.iter().map(|t| around(&t.corners)).collect());
+    let tree = tree::wide(&boxes, tree::LEAF, LOWER_DEPTH);
+    let root = tree::write(&tree, |index| triangles[index as usize].words(), words);
+    Tree { root, bounds: tree.total_aabb }
+}
+
+fn upper_tree(placed: &[Placed], words: &mut Vec<Word>) -> u32 {
+    let boxes = padded(placed.iter().map(|placed| placed.bounds).collect());
+    let tree = tree::wide(&boxes, 1, UPPER_DEPTH);
+    let thing = |index: u32| {
+        let Placed { tree, instance, rows: [x, y, z], .. } = &placed[index as usize];
+        [*x, *y, *z, [*instance, tree.root, 0, 0]]
+    };
+    tree::write(&tree, thing, words)
 }
 
 /// What is to be hit of a cluster drawn at an instance, or at none.
@@ -180,9 +210,9 @@ fn cluster_triangles<'a>(
             (cluster as u32) << 8 | triangle,
             instance,
             data.positions,
-            corners | if masked { MASKED } else { 0 },
+            corners,
         ];
-        sane.then_some(TriangleRef { word, corners: at, material })
+        sane.then_some(TriangleRef { word, corners: at, material, masked })
     })
 }
 
@@ -190,21 +220,34 @@ fn to_world(instance: &InstanceData, p: Vec3) -> Vec3 {
     Vec3::from_array(instance.world_from_object.map(|row| Vec4::from(row).dot(p.extend(1.0))))
 }
 
-fn padded(points: impl Iterator<Item = Vec3A>) -> Aabb {
-    let (lo, hi) = points.fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
-    let pad = Vec3A::splat(PAD * lo.abs().max(hi.abs()).max_element() + f32::MIN_POSITIVE);
-    Aabb::new(lo - pad, hi + pad)
+/// Rows of object from world space; nothing for what is squeezed flat.
+fn inverse_rows(instance: &InstanceData) -> Option<[Word; 3]> {
+    let [x, y, z] = instance.world_from_object.map(|row| Vec4::from(row).as_dvec4());
+    let world_from_object = DMat4::from_cols(x, y, z, DVec4::W).transpose();
+    let inverse = world_from_object.inverse().transpose();
+    let rows = [inverse.x_axis, inverse.y_axis, inverse.z_axis].map(|row| row.as_vec4());
+    rows.iter().all(|row| row.is_finite()).then(|| rows.map(|row| row.to_array().map(f32::to_bits)))
 }
 
-fn bounds(corners: &[Vec3; 3]) -> Aabb {
-    padded(corners.iter().map(|&p| p.into()))
+fn around(points: &[Vec3]) -> Aabb {
+    points.iter().fold(Aabb::INVALID, |all, &p| Aabb::new(all.min.min(p.into()), all.max.max(p.into())))
+}
+
+/// Widens the boxes of a tree by as much as all rounding together may come to.
+fn padded(mut boxes: Vec<Aabb>) -> Vec<Aabb> {
+    let farthest = |b: &Aabb| b.min.abs().max(b.max.abs()).max_element();
+    let pad = Vec3A::splat(PAD * boxes.iter().map(farthest).fold(LEAST_EXTENT, f32::max));
+    for b in &mut boxes {
+        *b = Aabb::new(b.min - pad, b.max + pad);
+    }
+    boxes
 }
 
 /// A box in object space as a box in world space.
 fn moved(object: &Aabb, instance: &InstanceData) -> Aabb {
-    let corners = (0..8).map(|corner| {
+    let corners: [Vec3; 8] = std::array::from_fn(|corner| {
         let pick = |axis: usize| if corner >> axis & 1 == 0 { object.min[axis] } else { object.max[axis] };
-        to_world(instance, Vec3::from_array(std::array::from_fn(pick))).into()
+        to_world(instance, Vec3::from_array(std::array::from_fn(pick)))
     });
-    padded(corners)
+    around(&corners)
 }
