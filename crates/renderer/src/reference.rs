@@ -1,9 +1,10 @@
 //! Path-traced truth, sample by sample.
 
 use bytemuck::Zeroable;
-use chiaro_gpu::{Frame, Readback};
+use chiaro_gpu::{Frame, Gpu, Readback};
 use chiaro_scene::Scene;
-use chiaro_techniques::reference::bvh::{TraceData, TraceScene};
+use chiaro_techniques::motion::Motion;
+use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceScene};
 use chiaro_techniques::reference::path::{PathSum, PathTracer};
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup, LightData};
 use glam::Vec2;
@@ -22,13 +23,21 @@ pub struct Reference {
     frame_group: FrameGroup,
     traced: TraceScene,
     tracer: PathTracer,
+    following: Option<Following>,
     sum: PathSum,
     options: PathOptions,
 }
 
+/// Passes for scenes that move.
+#[derive(Debug)]
+struct Following {
+    motion: Motion,
+    refit: Refit,
+}
+
 impl Reference {
-    /// Builds the scene's trees, and compiles the path tracer. `loaded` is `scene` uploaded by the same kit, as it stands at
-    /// time 0.
+    /// Builds the scene's trees for the pose that `loaded`, which is `scene` uploaded by the same kit, has now, and compiles
+    /// the path tracer.
     ///
     /// # Errors
     /// When the scene's trees do not fit the adapter, or a shader does not compile.
@@ -40,24 +49,52 @@ impl Reference {
         options: PathOptions,
     ) -> Result<Self, Error> {
         let gpu = &kit.gpu;
-        let traced = TraceData::build(scene).upload(gpu)?;
-        let facts = loaded.gpu.facts;
+        let traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
+        let facts = (loaded.gpu.facts, traced.facts);
+        let moves = loaded.gpu.motion.moves();
+        let following = moves.then(|| -> Result<_, Error> {
+            let (motion, refit) = (Motion::new(gpu, &kit.library)?, Refit::new(gpu, &kit.library)?);
+            Ok(Following { motion, refit })
+        });
+        let following = following.transpose()?;
         let tracer = PathTracer::new(gpu, &kit.library, &kit.frame_layout, &kit.scene_layout, facts)?;
         let mut frame_group = kit.frame_group()?;
         let environment = loaded.environment.as_ref().map(|map| &map.texture);
         frame_group.reserve(gpu, loaded.lights.len(), 0, environment);
-        let data = frame_data(loaded, settings, view, size_px);
-        let lights: Vec<_> =
-            loaded.lights.iter().map(|l| LightData { first_view: LightData::NO_VIEW, ..*l }).collect();
-        gpu.queue.write_buffer(frame_group.frame.raw(), 0, bytemuck::bytes_of(&data));
-        gpu.queue.write_buffer(frame_group.lights.raw(), 0, bytemuck::cast_slice(&lights));
+        write_frame(gpu, &frame_group, loaded, &frame_data(loaded, settings, view, size_px));
         let sum = PathSum::new(gpu, size_px);
         gpu.check()?;
-        Ok(Self { kit: kit.clone(), frame_group, traced, tracer, sum, options })
+        Ok(Self { kit: kit.clone(), frame_group, traced, tracer, following, sum, options })
+    }
+
+    /// Starts the image again where the scene and the camera are now: `loaded` has taken another pose since. The trees
+    /// follow, which is quicker than building them anew but leaves those of bending meshes as good as they fit.
+    ///
+    /// # Errors
+    /// When trees had to be built anew and do not fit the adapter.
+    pub fn follow(
+        &mut self,
+        (scene, loaded): (&Scene, &LoadedScene),
+        settings: &Settings,
+        view: &View,
+    ) -> Result<(), Error> {
+        let gpu = &self.kit.gpu;
+        if !self.traced.update(gpu, scene, &loaded.pose) {
+            self.traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
+        }
+        let size = self.sum.sum().options();
+        let size_px = [size.width, size.height];
+        write_frame(gpu, &self.frame_group, loaded, &frame_data(loaded, settings, view, size_px));
+        self.sum = PathSum::new(gpu, size_px);
+        Ok(())
     }
 
     /// Records `count` more samples of every pixel. However they are grouped, the image is the same.
     pub fn add(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene, count: u32) {
+        if let Some(Following { motion, refit }) = &mut self.following {
+            motion.record(frame, &loaded.gpu);
+            refit.record(frame, &loaded.gpu, &mut self.traced);
+        }
         let scene = (self.frame_group.group(), &loaded.gpu, &self.traced);
         // llvmpipe silently ends all loops of an invocation after 65,535 iterations together: a sample is well below that.
         let each = if self.kit.gpu.is_software() { 1 } else { count.max(1) };
@@ -87,6 +124,13 @@ impl Reference {
     pub fn squares(&self) -> Result<Readback, Error> {
         Ok(Readback::start(&self.kit.gpu, self.sum.squares())?)
     }
+}
+
+fn write_frame(gpu: &Gpu, group: &FrameGroup, loaded: &LoadedScene, data: &FrameData) {
+    let lights: Vec<_> =
+        loaded.lights.iter().map(|l| LightData { first_view: LightData::NO_VIEW, ..*l }).collect();
+    gpu.queue.write_buffer(group.frame.raw(), 0, bytemuck::bytes_of(data));
+    gpu.queue.write_buffer(group.lights.raw(), 0, bytemuck::cast_slice(&lights));
 }
 
 fn frame_data(loaded: &LoadedScene, settings: &Settings, view: &View, size_px: [u32; 2]) -> FrameData {

@@ -30,7 +30,7 @@ pub(super) const LEAF: usize = 3;
 
 /// The tree over `boxes`; leaves hold up to `most` of them, and no way down is longer than `deepest` nodes.
 pub(super) fn wide(boxes: &[Aabb], most: usize, deepest: usize) -> CwBvh {
-    let params = BvhBuildParams::medium_build();
+    let params = BvhBuildParams::very_slow_build();
     let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
         params.ploc_search_distance,
         boxes,
@@ -47,25 +47,20 @@ pub(super) fn wide(boxes: &[Aabb], most: usize, deepest: usize) -> CwBvh {
     if depth(&wide) > deepest { balanced(boxes, leaves_in_order(&binary), most) } else { wide }
 }
 
-/// Appends the tree's nodes, and the words of what its leaves hold, `N` for each thing; returns the root's place.
-pub(super) fn write<const N: usize>(
+/// The tree's nodes, and after them what its leaves hold, `N` words for each thing, as they stand from word `first` on.
+pub(super) fn words<const N: usize>(
     tree: &CwBvh,
     thing: impl Fn(u32) -> [Word; N],
-    words: &mut Vec<Word>,
-) -> u32 {
-    if tree.nodes.is_empty() {
-        return EMPTY;
-    }
-    let first = words.len() as u32;
-    let things = first + (NODE * tree.nodes.len()) as u32;
-    for node in &tree.nodes {
-        let child_base_idx = first + NODE as u32 * node.child_base_idx;
-        let primitive_base_idx = things + N as u32 * node.primitive_base_idx;
+    first: usize,
+) -> impl Iterator<Item = Word> {
+    let things = first + NODE * tree.nodes.len();
+    let nodes = tree.nodes.iter().flat_map(move |node| {
+        let child_base_idx = first as u32 + NODE as u32 * node.child_base_idx;
+        let primitive_base_idx = things as u32 + N as u32 * node.primitive_base_idx;
         let node = CwBvhNode { child_base_idx, primitive_base_idx, ..*node };
-        words.extend(bytemuck::cast::<CwBvhNode, [Word; NODE]>(node));
-    }
-    words.extend(tree.primitive_indices.iter().flat_map(|&index| thing(index)));
-    first
+        bytemuck::cast::<CwBvhNode, [Word; NODE]>(node)
+    });
+    nodes.chain(tree.primitive_indices.iter().flat_map(move |&index| thing(index)))
 }
 
 /// Inner nodes on the longest way down.

@@ -24,7 +24,7 @@ use chiaro_gpu::{
     TextureOptions,
 };
 
-use crate::reference::bvh::TraceScene;
+use crate::reference::bvh::{TraceFacts, TraceScene};
 use crate::shaders;
 use crate::surface::{SceneFacts, SceneGpu};
 
@@ -102,9 +102,10 @@ impl PathTracer {
         library: &Library,
         frame_layout: &GroupLayout,
         scene_layout: &GroupLayout,
-        facts: SceneFacts,
+        (facts, trees): (SceneFacts, TraceFacts),
     ) -> Result<Self, GpuError> {
-        let (shared, constants) = (&[frame_layout, scene_layout], facts.constants());
+        let shared = &[frame_layout, scene_layout];
+        let constants = [facts.constants(), trees.constants()].concat();
         let pipeline = ComputePipeline::new(gpu, library, &shaders::path_trace(), shared, &constants)?;
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let uniform = Buffer::new(gpu, "path_pass", Life::Frame, size_of::<PathPass>() as u64, usage);
