@@ -50,7 +50,7 @@ Examples:
   chiaro reference room.glb --camera 1 --max-depth 3 --spp 64 -o room.bounce1.exr
 
 No paths are found from lights without extent over mirrors or through glass to a surface (caustics);
-blended surfaces are cut at half coverage, and animated scenes stand as they do at time 0.")]
+blended surfaces are cut at half coverage. What moves stands still while it is traced.")]
     Reference(ReferenceArgs),
     /// Measure how long each pass of a frame takes on this machine
     #[command(after_help = "\
@@ -204,6 +204,9 @@ pub struct ReferenceArgs {
     /// direct light and caustics [default: no limit]
     #[arg(long, value_name = "N")]
     pub diffuse_bounces: Option<u32>,
+    /// Show the animation's moment at this many seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
+    pub time: f64,
     /// What all random choices start from; the same seed gives the same image
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,

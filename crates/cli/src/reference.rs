@@ -19,11 +19,9 @@ const MOST: u32 = 64;
 
 pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     let settings = SettingsArgs { preset: None, set: args.set.clone(), seed: args.seed, pipeline: None };
-    let session = Session::open_with(&args.scene, &settings, Scene::add_default_view_to_trace)?;
+    let mut session = Session::open_with(&args.scene, &settings, Scene::add_default_view_to_trace)?;
+    session.go_to(args.time)?;
     let Session { gpu, renderer, scene, view, size, source, .. } = &session;
-    if session.duration_s().is_some() {
-        eprintln!("note: this scene moves; the reference shows it at time 0");
-    }
     let options = ReferenceOptions {
         integrator: match args.integrator {
             args::Integrator::Path => Integrator::Path,

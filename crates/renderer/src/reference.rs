@@ -3,8 +3,9 @@
 use bytemuck::Zeroable;
 use chiaro_gpu::{Frame, Gpu, Readback, Texture, wgpu};
 use chiaro_scene::Scene;
-use chiaro_techniques::reference::bvh::{TraceData, TraceScene};
-use chiaro_techniques::reference::path::{PathOptions, PathSum, PathTracer};
+use chiaro_techniques::motion::Motion;
+use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceScene};
+use chiaro_techniques::reference::path::{Interfaces, PathOptions, PathSum, PathTracer};
 use chiaro_techniques::reference::photon::{
     PhotonMap, PhotonOptions, PhotonTracer, PhotonView, specular_bounds,
 };
@@ -59,13 +60,21 @@ pub struct Reference {
     traced: TraceScene,
     tracer: PathTracer,
     photons: Option<(PhotonTracer, PhotonMap)>,
+    following: Option<Following>,
     sum: PathSum,
     options: ReferenceOptions,
 }
 
+/// Passes for scenes that move.
+#[derive(Debug)]
+struct Following {
+    motion: Motion,
+    refit: Refit,
+}
+
 impl Reference {
-    /// Builds the scene's trees, and compiles the tracers. `loaded` is `scene` uploaded by the same kit, as it stands at
-    /// time 0.
+    /// Builds the scene's trees for the pose that `loaded`, which is `scene` uploaded by the same kit, has now, and compiles
+    /// the tracers.
     ///
     /// # Errors
     /// When the scene's trees or the image's light paths do not fit the adapter, or a shader does not compile.
@@ -77,22 +86,21 @@ impl Reference {
         options: ReferenceOptions,
     ) -> Result<Self, Error> {
         let gpu = &kit.gpu;
-        let traced = TraceData::build(scene).upload(gpu)?;
-        let facts = loaded.gpu.facts;
-        let frame_layout = FrameGroup::layout_without_shadows(gpu);
-        let pose = scene.pose(0.0);
-        let photon_view = PhotonView {
-            size_px,
-            pixel_m2: view.pixel_m2(size_px),
-            typical_nits: WHITE_STORED / loaded.radiance_scale,
-            bounds_ws: scene.bounds_at(&pose).unwrap_or_default(),
-            specular_ws: specular_bounds(scene, &pose),
-        };
+        let traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
+        let facts = (loaded.gpu.facts, traced.facts, Interfaces::of(scene));
+        let moves = loaded.gpu.motion.moves();
+        let following = moves.then(|| -> Result<_, Error> {
+            let (motion, refit) = (Motion::new(gpu, &kit.library)?, Refit::new(gpu, &kit.library)?);
+            Ok(Following { motion, refit })
+        });
+        let following = following.transpose()?;
+        let photon_view = photon_view((scene, loaded), (view, size_px));
         let needed = match options.integrator {
             Integrator::Path => false,
             Integrator::Photon => true,
             Integrator::Full => photon_view.specular_ws.is_some(),
         };
+        let frame_layout = FrameGroup::layout_without_shadows(gpu);
         let layouts = (&frame_layout, &kit.scene_layout);
         let tracer = PathTracer::new(gpu, &kit.library, layouts, facts, needed)?;
         let photons = needed.then(|| -> Result<_, Error> {
@@ -102,14 +110,35 @@ impl Reference {
         let mut frame_group = kit.frame_group_of(&frame_layout)?;
         let environment = loaded.environment.as_ref().map(|map| &map.texture);
         frame_group.reserve(gpu, loaded.lights.len(), 0, environment);
-        let data = frame_data(loaded, settings, view, size_px);
-        let lights: Vec<_> =
-            loaded.lights.iter().map(|l| LightData { first_view: LightData::NO_VIEW, ..*l }).collect();
-        gpu.queue.write_buffer(frame_group.frame.raw(), 0, bytemuck::bytes_of(&data));
-        gpu.queue.write_buffer(frame_group.lights.raw(), 0, bytemuck::cast_slice(&lights));
+        write_frame(gpu, &frame_group, loaded, &frame_data(loaded, settings, view, size_px));
         let sum = PathSum::new(gpu, size_px, needed);
         gpu.check()?;
-        Ok(Self { kit: kit.clone(), frame_group, traced, tracer, photons, sum, options })
+        Ok(Self { kit: kit.clone(), frame_group, traced, tracer, photons, following, sum, options })
+    }
+
+    /// Starts the image again where the scene and the camera are now: `loaded` has taken another pose since. The trees
+    /// follow, which is quicker than building them anew but leaves those of bending meshes as good as they fit.
+    ///
+    /// # Errors
+    /// When trees had to be built anew and do not fit the adapter.
+    pub fn follow(
+        &mut self,
+        (scene, loaded): (&Scene, &LoadedScene),
+        settings: &Settings,
+        view: &View,
+    ) -> Result<(), Error> {
+        let gpu = &self.kit.gpu;
+        if !self.traced.update(gpu, scene, &loaded.pose) {
+            self.traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
+        }
+        let size = self.sum.sum().options();
+        let size_px = [size.width, size.height];
+        write_frame(gpu, &self.frame_group, loaded, &frame_data(loaded, settings, view, size_px));
+        if let Some((_, map)) = &mut self.photons {
+            map.view = photon_view((scene, loaded), (view, size_px));
+        }
+        self.sum.resume(0);
+        Ok(())
     }
 
     /// Samples that are added together: counts are rounded up to a multiple of this.
@@ -130,6 +159,10 @@ impl Reference {
         // Beside light paths that bring all else, what is seen of lights themselves.
         let path = PathOptions { max_depth: if alone { 1 } else { max_depth }, diffuse_bounces, seed };
         let light = PhotonOptions { max_depth, diffuse_bounces, seed, caustics_only: !alone };
+        if let Some(Following { motion, refit }) = &mut self.following {
+            motion.record(frame, &loaded.gpu);
+            refit.record(frame, &loaded.gpu, &mut self.traced);
+        }
         let scene = (self.frame_group.group(), &loaded.gpu, &self.traced);
         let each = match self.photons {
             Some(_) => self.round(),
@@ -224,6 +257,23 @@ fn upload(gpu: &Gpu, texture: &Texture, texels: &[f32]) {
         wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * width), rows_per_image: None },
         wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
     );
+}
+
+fn photon_view((scene, loaded): (&Scene, &LoadedScene), (view, size_px): (&View, [u32; 2])) -> PhotonView {
+    PhotonView {
+        size_px,
+        pixel_m2: view.pixel_m2(size_px),
+        typical_nits: WHITE_STORED / loaded.radiance_scale,
+        bounds_ws: scene.bounds_at(&loaded.pose).unwrap_or_default(),
+        specular_ws: specular_bounds(scene, &loaded.pose),
+    }
+}
+
+fn write_frame(gpu: &Gpu, group: &FrameGroup, loaded: &LoadedScene, data: &FrameData) {
+    let lights: Vec<_> =
+        loaded.lights.iter().map(|l| LightData { first_view: LightData::NO_VIEW, ..*l }).collect();
+    gpu.queue.write_buffer(group.frame.raw(), 0, bytemuck::bytes_of(data));
+    gpu.queue.write_buffer(group.lights.raw(), 0, bytemuck::cast_slice(&lights));
 }
 
 fn frame_data(loaded: &LoadedScene, settings: &Settings, view: &View, size_px: [u32; 2]) -> FrameData {

@@ -6,6 +6,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
+use crate::reference::bvh::refit::{NodeBox, RefitJob};
 use crate::reference::path::PathPass;
 use crate::reference::photon::PhotonPass;
 use crate::shaders;
@@ -209,6 +210,9 @@ fn rust_structs_equal_their_wesl_twins() {
         footprint,
         share,
     );
+    let refit = &linked("reference/bvh/refit.cs.wesl");
+    same!(refit, RefitJob, "RefitJob", node, own, children, pad);
+    same!(refit, NodeBox, "NodeBox", lo, leaf_area, hi, area);
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
     same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags, hole);
     let instances = &linked("motion/instances.cs.wesl");

@@ -31,7 +31,8 @@ use chiaro_gpu::{
 use chiaro_scene as cs;
 use glam::Vec3;
 
-use crate::reference::bvh::TraceScene;
+use crate::reference::bvh::{TraceFacts, TraceScene};
+use crate::reference::path::Interfaces;
 use crate::shaders;
 use crate::surface::{SceneFacts, SceneGpu};
 
@@ -98,7 +99,8 @@ pub fn specular_bounds(scene: &cs::Scene, pose: &cs::Pose) -> Option<(Vec3, Vec3
     scene.bounds_of(pose, |material| specular[material])
 }
 
-fn is_specular(scene: &cs::Scene, material: &cs::Material) -> bool {
+/// Whether a material mirrors exactly or lets light through without blur somewhere.
+pub(crate) fn is_specular(scene: &cs::Scene, material: &cs::Material) -> bool {
     let reflects = material.metallic > 0.0 || material.specular > 0.0 || material.transmission > 0.0;
     if material.reflection != cs::Reflection::MetallicRoughness || !reflects {
         return false;
@@ -117,7 +119,8 @@ fn is_specular(scene: &cs::Scene, material: &cs::Material) -> bool {
 pub struct PhotonMap {
     pub(crate) words: Buffer,
     pub(crate) uniform: Buffer,
-    view: PhotonView,
+    /// Of the size that it was made for.
+    pub view: PhotonView,
     lanes: u32,
     cells: u32,
 }
@@ -189,9 +192,11 @@ impl PhotonTracer {
         gpu: &Gpu,
         library: &Library,
         (frame_layout, scene_layout): (&GroupLayout, &GroupLayout),
-        facts: SceneFacts,
+        (facts, trees, interfaces): (SceneFacts, TraceFacts, Interfaces),
     ) -> Result<Self, GpuError> {
-        let (shared, constants) = (&[frame_layout, scene_layout], facts.constants());
+        let shared = &[frame_layout, scene_layout];
+        let mut constants = [facts.constants(), trees.constants()].concat();
+        constants.push(interfaces.constant());
         let pipeline = ComputePipeline::new(gpu, library, &shaders::photon_trace(), shared, &constants)?;
         Ok(Self { pipeline })
     }
