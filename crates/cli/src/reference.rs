@@ -3,11 +3,11 @@
 use std::time::{Duration, Instant};
 
 use chiaro::scene::Scene;
-use chiaro::{PathOptions, Pixels, Recorder, Reference};
+use chiaro::{Integrator, Pixels, Recorder, Reference, ReferenceOptions};
 use chiaro_image::{Precision, write_exr};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::args::{ReferenceArgs, SettingsArgs};
+use crate::args::{self, ReferenceArgs, SettingsArgs};
 use crate::output::print;
 use crate::render::{create_parent, mean};
 use crate::session::Session;
@@ -22,7 +22,19 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     let mut session = Session::open_with(&args.scene, &settings, Scene::add_default_view_to_trace)?;
     session.go_to(args.time)?;
     let Session { gpu, renderer, scene, view, size, source, .. } = &session;
-    let options = PathOptions { max_depth: args.max_depth, seed: args.seed };
+    if session.duration_s().is_none() && args.time != 0.0 {
+        eprintln!("note: nothing moves in this scene");
+    }
+    let options = ReferenceOptions {
+        integrator: match args.integrator {
+            args::Integrator::Path => Integrator::Path,
+            args::Integrator::Photon => Integrator::Photon,
+            args::Integrator::Full => Integrator::Full,
+        },
+        max_depth: args.max_depth,
+        diffuse_bounces: args.diffuse_bounces.unwrap_or(u32::MAX),
+        seed: args.seed,
+    };
     let scenes = (source, scene);
     let mut reference = Reference::new(renderer.kit(), scenes, renderer.settings(), (view, *size), options)?;
     let mut recorder = Recorder::new(gpu, false);

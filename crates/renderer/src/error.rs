@@ -45,6 +45,9 @@ pub enum Error {
     /// Settings that do not go together, or that this adapter cannot do.
     #[error("{0}")]
     Combination(String),
+    /// Sums that a reference cannot go on from.
+    #[error("the unfinished reference does not fit: {0}")]
+    Unfinished(String),
     /// A preset could not be read.
     #[error("preset {name}: {problem}")]
     Preset {

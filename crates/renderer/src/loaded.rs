@@ -28,7 +28,7 @@ pub struct LoadedScene {
 
 /// Stored radiance of a white surface under the brightest light, in general. Half floats reach 65,504 above and 2⁻²⁴
 /// below: eight octaves for highlights and glowing things, over thirty for the dark.
-const WHITE_STORED: f32 = 256.0;
+pub(crate) const WHITE_STORED: f32 = 256.0;
 /// The same where an environment has a sun that would not fit otherwise.
 const LEAST_WHITE_STORED: f32 = 1.0;
 /// What the environment's brightest texel may be stored as.

@@ -1,19 +1,55 @@
-//! Path-traced truth, sample by sample.
+//! Light transport without shortcuts, sample by sample.
 
 use bytemuck::Zeroable;
-use chiaro_gpu::{Frame, Gpu, Readback};
+use chiaro_gpu::{Frame, Gpu, Readback, Texture, wgpu};
 use chiaro_scene::Scene;
 use chiaro_techniques::motion::Motion;
 use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceScene};
-use chiaro_techniques::reference::path::{PathSum, PathTracer};
+use chiaro_techniques::reference::path::{PathOptions, PathSum, PathTracer};
+use chiaro_techniques::reference::photon::{
+    PhotonMap, PhotonOptions, PhotonTracer, PhotonView, specular_bounds,
+};
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup, LightData};
 use glam::Vec2;
 
-pub use chiaro_techniques::reference::path::PathOptions;
-
+use crate::loaded::WHITE_STORED;
 use crate::{Error, Kit, LoadedScene, Settings, View};
 
-/// An image being path traced: the mean of samples that [`Reference::add`] adds.
+/// Which paths make an image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Integrator {
+    /// Paths from the camera: all light but that of lamps without extent over mirrors or through smooth glass.
+    #[default]
+    Path,
+    /// Paths from the lights to surfaces that scatter and are seen directly; mirrors and smooth glass are black.
+    Photon,
+    /// Both, nothing twice: everything. Where nothing mirrors or refracts, the same as [`Integrator::Path`].
+    Full,
+}
+
+/// What is traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReferenceOptions {
+    /// Which paths.
+    pub integrator: Integrator,
+    /// Most edges of a path: 1 shows what glows, 2 direct light, 3 one bounce; 0 = no limit.
+    pub max_depth: u32,
+    /// Most times that light is scattered from one surface to another; mirrors and smooth interfaces do not count.
+    pub diffuse_bounces: u32,
+    /// What random numbers start from.
+    pub seed: u32,
+}
+
+impl Default for ReferenceOptions {
+    fn default() -> Self {
+        Self { integrator: Integrator::Path, max_depth: 0, diffuse_bounces: u32::MAX, seed: 0 }
+    }
+}
+
+/// Samples that share light paths: enough for lanes to balance long paths with short ones.
+const ROUND: u32 = 4;
+
+/// An image being traced: the mean of samples that [`Reference::add`] adds.
 ///
 /// Of the settings those count that say what is there, not how it is drawn: `surface.lighting`, `surface.normal_maps`
 /// and `environment.*`. Where a scene has no environment, the surroundings are black.
@@ -23,55 +59,60 @@ pub struct Reference {
     frame_group: FrameGroup,
     traced: TraceScene,
     tracer: PathTracer,
-    following: Option<Following>,
+    photons: Option<(PhotonTracer, PhotonMap)>,
+    following: Option<(Motion, Refit)>,
     sum: PathSum,
-    options: PathOptions,
-}
-
-/// Passes for scenes that move.
-#[derive(Debug)]
-struct Following {
-    motion: Motion,
-    refit: Refit,
+    options: ReferenceOptions,
 }
 
 impl Reference {
     /// Builds the scene's trees for the pose that `loaded`, which is `scene` uploaded by the same kit, has now, and compiles
-    /// the path tracer.
+    /// the tracers.
     ///
     /// # Errors
-    /// When the scene's trees do not fit the adapter, or a shader does not compile.
+    /// When the scene's trees or the image's light paths do not fit the adapter, or a shader does not compile.
     pub fn new(
         kit: &Kit,
         (scene, loaded): (&Scene, &LoadedScene),
         settings: &Settings,
         (view, size_px): (&View, [u32; 2]),
-        options: PathOptions,
+        options: ReferenceOptions,
     ) -> Result<Self, Error> {
         let gpu = &kit.gpu;
         let traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
         let facts = (loaded.gpu.facts, traced.facts);
+        let frame_layout = FrameGroup::layout_without_shadows(gpu);
+        let photon_view = photon_view(scene, loaded, (view, size_px));
+        let needed = match options.integrator {
+            Integrator::Path => false,
+            Integrator::Photon => true,
+            Integrator::Full => photon_view.specular_ws.is_some(),
+        };
+        let layouts = (&frame_layout, &kit.scene_layout);
+        let tracer = PathTracer::new(gpu, &kit.library, layouts, facts, needed)?;
+        let photons = needed.then(|| -> Result<_, Error> {
+            Ok((PhotonTracer::new(gpu, &kit.library, layouts, facts)?, PhotonMap::new(gpu, photon_view)?))
+        });
+        let photons = photons.transpose()?;
         let moves = loaded.gpu.motion.moves();
         let following = moves.then(|| -> Result<_, Error> {
-            let (motion, refit) = (Motion::new(gpu, &kit.library)?, Refit::new(gpu, &kit.library)?);
-            Ok(Following { motion, refit })
+            Ok((Motion::new(gpu, &kit.library)?, Refit::new(gpu, &kit.library)?))
         });
         let following = following.transpose()?;
-        let tracer = PathTracer::new(gpu, &kit.library, &kit.frame_layout, &kit.scene_layout, facts)?;
-        let mut frame_group = kit.frame_group()?;
+        let mut frame_group = kit.frame_group_of(&frame_layout)?;
         let environment = loaded.environment.as_ref().map(|map| &map.texture);
         frame_group.reserve(gpu, loaded.lights.len(), 0, environment);
         write_frame(gpu, &frame_group, loaded, &frame_data(loaded, settings, view, size_px));
-        let sum = PathSum::new(gpu, size_px);
+        let sum = PathSum::new(gpu, size_px, needed);
         gpu.check()?;
-        Ok(Self { kit: kit.clone(), frame_group, traced, tracer, following, sum, options })
+        Ok(Self { kit: kit.clone(), frame_group, traced, tracer, photons, following, sum, options })
     }
 
     /// Starts the image again where the scene and the camera are now: `loaded` has taken another pose since. The trees
-    /// follow, which is quicker than building them anew but leaves those of bending meshes as good as they fit.
+    /// follow, which is quicker than building them anew, but leaves those of bending meshes as good as they fit.
     ///
     /// # Errors
-    /// When trees had to be built anew and do not fit the adapter.
+    /// When what has to be made anew does not fit the adapter.
     pub fn follow(
         &mut self,
         (scene, loaded): (&Scene, &LoadedScene),
@@ -82,25 +123,55 @@ impl Reference {
         if !self.traced.update(gpu, scene, &loaded.pose) {
             self.traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
         }
-        let size = self.sum.sum().options();
-        let size_px = [size.width, size.height];
+        let options = self.sum.sum().options();
+        let size_px = [options.width, options.height];
+        if let Some((_, map)) = &mut self.photons {
+            *map = PhotonMap::new(gpu, photon_view(scene, loaded, (view, size_px)))?;
+        }
         write_frame(gpu, &self.frame_group, loaded, &frame_data(loaded, settings, view, size_px));
-        self.sum = PathSum::new(gpu, size_px);
-        Ok(())
+        self.sum = PathSum::new(gpu, size_px, self.photons.is_some());
+        Ok(gpu.check()?)
     }
 
-    /// Records `count` more samples of every pixel. However they are grouped, the image is the same.
+    /// Samples that are added together: counts are rounded up to a multiple of this.
+    pub fn round(&self) -> u32 {
+        // llvmpipe silently ends all loops of an invocation after 65,535 iterations together: a sample is well below that.
+        if self.photons.is_some() && !self.kit.gpu.is_software() { ROUND } else { 1 }
+    }
+
+    /// Light paths for each sample of the image; 0 where there are none.
+    pub fn light_paths(&self) -> u32 {
+        self.photons.as_ref().map_or(0, |(_, map)| map.lanes())
+    }
+
+    /// Records `count` more samples of every pixel, in whole rounds. However they are grouped, the image is the same.
     pub fn add(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene, count: u32) {
-        if let Some(Following { motion, refit }) = &mut self.following {
+        if let Some((motion, refit)) = &mut self.following {
             motion.record(frame, &loaded.gpu);
             refit.record(frame, &loaded.gpu, &mut self.traced);
         }
+        let ReferenceOptions { integrator, max_depth, diffuse_bounces, seed } = self.options;
+        let alone = integrator == Integrator::Photon;
+        // Beside light paths that bring all else, what is seen of lights themselves.
+        let path = PathOptions { max_depth: if alone { 1 } else { max_depth }, diffuse_bounces, seed };
+        let light = PhotonOptions { max_depth, diffuse_bounces, seed, caustics_only: !alone };
         let scene = (self.frame_group.group(), &loaded.gpu, &self.traced);
-        // llvmpipe silently ends all loops of an invocation after 65,535 iterations together: a sample is well below that.
-        let each = if self.kit.gpu.is_software() { 1 } else { count.max(1) };
+        let each = match self.photons {
+            Some(_) => self.round(),
+            None if self.kit.gpu.is_software() => 1,
+            None => count.max(1),
+        };
         for first in (0..count).step_by(each as usize) {
-            let now = each.min(count - first);
-            self.tracer.record(frame, scene, self.options, now, &mut self.sum);
+            match &self.photons {
+                Some((tracer, map)) => {
+                    tracer.record(frame, scene, light, (self.sum.samples(), each), map);
+                    self.tracer.record(frame, scene, path, each, (&mut self.sum, Some(map)));
+                }
+                None => {
+                    let now = each.min(count - first);
+                    self.tracer.record(frame, scene, path, now, (&mut self.sum, None));
+                }
+            }
         }
     }
 
@@ -123,6 +194,70 @@ impl Reference {
     /// As [`Reference::sum`].
     pub fn squares(&self) -> Result<Readback, Error> {
         Ok(Readback::start(&self.kit.gpu, self.sum.squares())?)
+    }
+
+    /// Everything that samples are added to, by names that stay: Rgba32Float, summed over samples.
+    pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture)> {
+        self.sum.layers()
+    }
+
+    /// A read-back of each of [`Reference::layers`]: all that [`Reference::restore`] needs.
+    ///
+    /// # Errors
+    /// As [`Reference::sum`].
+    pub fn read_layers(&self) -> Result<Vec<(&'static str, Readback)>, Error> {
+        self.layers().map(|(name, texture)| Ok((name, Readback::start(&self.kit.gpu, texture)?))).collect()
+    }
+
+    /// Goes on from where a reference of the same scene, settings, view, size and options stood after so many samples:
+    /// what is added then gives the image, bit for bit, that one without a break would. `layers` are its
+    /// [`Reference::layers`], four floats a pixel, row after row from the top; further ones do no harm.
+    ///
+    /// # Errors
+    /// When a layer is missing or of another size. Nothing has changed then.
+    pub fn restore<L: AsRef<[f32]>>(&mut self, samples: u32, layers: &[(&str, L)]) -> Result<(), Error> {
+        let fitting = self.layers().map(|(name, texture)| {
+            let (_, texels) = layers
+                .iter()
+                .find(|(found, _)| *found == name)
+                .ok_or_else(|| Error::Unfinished(format!("its layer `{name}` is missing")))?;
+            let texels = texels.as_ref();
+            let options = texture.options();
+            let needed = 4 * options.width as usize * options.height as usize;
+            if texels.len() != needed {
+                let found = texels.len();
+                return Err(Error::Unfinished(format!(
+                    "its layer `{name}` has {found} values, not {needed}"
+                )));
+            }
+            Ok((texture, texels))
+        });
+        for (texture, texels) in fitting.collect::<Result<Vec<_>, _>>()? {
+            upload(&self.kit.gpu, texture, texels);
+        }
+        self.sum.resume(samples);
+        Ok(())
+    }
+}
+
+/// Fills an Rgba32Float texture, whose usage holds `COPY_DST`.
+fn upload(gpu: &Gpu, texture: &Texture, texels: &[f32]) {
+    let (width, height) = (texture.options().width, texture.options().height);
+    gpu.queue.write_texture(
+        texture.raw().as_image_copy(),
+        bytemuck::cast_slice(texels),
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * width), rows_per_image: None },
+        wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+    );
+}
+
+fn photon_view(scene: &Scene, loaded: &LoadedScene, (view, size_px): (&View, [u32; 2])) -> PhotonView {
+    PhotonView {
+        size_px,
+        pixel_m2: view.pixel_m2(size_px),
+        typical_nits: WHITE_STORED / loaded.radiance_scale,
+        bounds_ws: scene.bounds_at(&loaded.pose).unwrap_or_default(),
+        specular_ws: specular_bounds(scene, &loaded.pose),
     }
 }
 

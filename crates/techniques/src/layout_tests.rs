@@ -8,6 +8,7 @@ use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
 use crate::reference::bvh::refit::{NodeBox, RefitJob};
 use crate::reference::path::PathPass;
+use crate::reference::photon::PhotonPass;
 use crate::shaders;
 use crate::shadow::DrawView;
 use crate::shadow::cascades::SunFit;
@@ -181,9 +182,33 @@ fn rust_structs_equal_their_wesl_twins() {
         first_sample,
         sample_count,
         max_depth,
+        diffuse_bounces,
         seed,
-        reserved0,
-        reserved1,
+        reserved,
+    );
+    same!(
+        &linked("reference/photon/trace.cs.wesl"),
+        PhotonPass,
+        "PhotonPass",
+        scene_lo,
+        lanes,
+        scene_hi,
+        paths,
+        target_lo,
+        cells,
+        target_hi,
+        first_path,
+        size_px,
+        max_depth,
+        diffuse_bounces,
+        seed,
+        caustics_only,
+        pixel_m2,
+        step,
+        radius_m,
+        shrunk,
+        footprint,
+        share,
     );
     let refit = &linked("reference/bvh/refit.cs.wesl");
     same!(refit, RefitJob, "RefitJob", node, own, children, pad);

@@ -36,9 +36,13 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("reference/bvh/refit.cs.wesl"),
     shader!("reference/path/bsdf.wesl"),
     shader!("reference/path/emitters.wesl"),
+    shader!("reference/path/medium.wesl"),
     shader!("reference/path/sampler.wesl"),
     shader!("reference/path/trace.cs.wesl"),
     shader!("reference/path/vertex.wesl"),
+    shader!("reference/photon/emit.wesl"),
+    shader!("reference/photon/map.wesl"),
+    shader!("reference/photon/trace.cs.wesl"),
     shader!("reference/traverse.wesl"),
     shader!("shadow/depth.vs.wesl"),
     shader!("shadow/depth_bounds.cs.wesl"),
@@ -122,13 +126,14 @@ pub fn permutations() -> Vec<Permutation> {
         "surface/cull_scan.cs.wesl",
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
-    all.extend([debug_view(Viewed::Grid, false), background(), path_trace()]);
+    all.extend([debug_view(Viewed::Grid, false), background(), photon_trace()]);
     for a in [false, true] {
         all.extend([Viewed::Float, Viewed::Integer, Viewed::Depth].map(|what| debug_view(what, a)));
         all.push(resolve(a, false));
         all.push(resolve(a, true));
         all.push(behind(a));
         all.push(aov(a));
+        all.push(path_trace(a));
         all.push(shadow_depth(a));
         all.extend([shadow_paraboloid(a, false), shadow_paraboloid(a, true)]);
         all.push(raster_triangles(a));
@@ -197,9 +202,14 @@ pub fn background() -> Permutation {
     Permutation::plain("environment/background.vs.wesl").flag(FLOAT_MAPS, false)
 }
 
-/// The path tracer.
-pub fn path_trace() -> Permutation {
-    Permutation::plain("reference/path/trace.cs.wesl").flag(FLOAT_MAPS, false)
+/// The path tracer, with light paths' photons or without.
+pub fn path_trace(photons: bool) -> Permutation {
+    Permutation::plain("reference/path/trace.cs.wesl").flag("photons", photons).flag(FLOAT_MAPS, false)
+}
+
+/// Light paths.
+pub fn photon_trace() -> Permutation {
+    Permutation::plain("reference/photon/trace.cs.wesl").flag("photons", true).flag(FLOAT_MAPS, false)
 }
 
 /// One quantity of surface or light.

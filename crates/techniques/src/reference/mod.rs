@@ -1,7 +1,9 @@
 //! Truth: light transport without shortcuts, on any GPU, which every real-time technique is measured against.
 //!
 //! - [`bvh`]: rays through the scene in compute; any technique may import `reference/traverse.wesl`.
-//! - [`path`]: the path tracer.
+//! - [`path`]: paths from the camera.
+//! - [`photon`]: paths from the lights, for what the former do not find.
 
 pub mod bvh;
 pub mod path;
+pub mod photon;

@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use chiaro::scene::{self, Environment, LightKind, Material, Scene};
-use chiaro::{PathOptions, View};
+use chiaro::{ReferenceOptions, Recorder, Reference, Renderer, View};
 use chiaro_image::Image;
 use chiaro_testkit::{
     Stage, Studio, assets, camera_above, device, device_guaranteed, direct, nmae, place_below, reference,
@@ -14,11 +14,11 @@ const ALBEDO: f32 = 0.6;
 const SIDE: u32 = 32;
 const HALF: f32 = 2.0;
 
-fn depth(max_depth: u32) -> PathOptions {
-    PathOptions { max_depth, seed: 1 }
+fn depth(max_depth: u32) -> ReferenceOptions {
+    ReferenceOptions { max_depth, seed: 1, ..ReferenceOptions::default() }
 }
 
-fn trace(scene: &Scene, (view, size): (&View, [u32; 2]), options: PathOptions, groups: &[u32]) -> Image {
+fn trace(scene: &Scene, (view, size): (&View, [u32; 2]), options: ReferenceOptions, groups: &[u32]) -> Image {
     Studio::new(&device_guaranteed(), direct(&[])).truth(scene, (view, size), options, groups)
 }
 
@@ -303,7 +303,7 @@ fn grouping_changes_no_bit_and_another_seed_changes_many() {
     let view = View::from_scene(&scene, 0).unwrap();
     let mut studio = Studio::new(&device_guaranteed(), direct(&[]));
     let mut image = |seed, groups: &[u32]| {
-        let options = PathOptions { max_depth: 0, seed };
+        let options = ReferenceOptions { seed, ..ReferenceOptions::default() };
         studio.truth(&scene, (&view, [48, 32]), options, groups)
     };
     let once = image(5, &[8]);
@@ -311,7 +311,54 @@ fn grouping_changes_no_bit_and_another_seed_changes_many() {
     assert!(nmae(&image(6, &[8]), &once) > 0.01);
 }
 
-fn assert_matches(name: &str, options: PathOptions, samples: usize, most: f64) {
+#[test]
+fn stopped_and_resumed_is_bit_for_bit_the_same_as_run_through() {
+    let gpu = device_guaranteed();
+    let mut scene = scene::load("builtin:cornell").unwrap();
+    scene.add_default_view();
+    let view = View::from_scene(&scene, 0).unwrap();
+    let mut renderer = Renderer::new(&gpu, direct(&[])).unwrap();
+    let loaded = renderer.load(&scene).unwrap();
+    let begin = || {
+        let (kit, settings) = (renderer.kit(), renderer.settings());
+        Reference::new(kit, (&scene, &loaded), settings, (&view, [48, 32]), depth(0)).unwrap()
+    };
+    let add = |reference: &mut Reference, count| {
+        let mut recorder = Recorder::new(&gpu, false);
+        let mut frame = recorder.begin();
+        reference.add(&mut frame, &loaded, count);
+        frame.submit();
+    };
+    let read = |reference: &Reference| -> Vec<(&'static str, Vec<f32>)> {
+        let layers = reference.read_layers().unwrap();
+        layers.into_iter().map(|(name, layer)| (name, layer.wait(&gpu).unwrap().floats())).collect()
+    };
+    let bits = |layers: &[(&'static str, Vec<f32>)]| -> Vec<(&'static str, Vec<u32>)> {
+        layers.iter().map(|(name, texels)| (*name, texels.iter().map(|t| t.to_bits()).collect())).collect()
+    };
+
+    let mut stopped = begin();
+    add(&mut stopped, 3);
+    let mut layers = read(&stopped);
+    add(&mut stopped, 5);
+    let through = read(&stopped);
+    assert!(through[0].1.iter().any(|sum| *sum > 0.0), "black");
+
+    let mut resumed = begin();
+    resumed.restore(3, &layers).unwrap();
+    assert_eq!(bits(&read(&resumed)), bits(&layers));
+    add(&mut resumed, 5);
+    assert_eq!(resumed.samples(), 8);
+    assert_eq!(bits(&read(&resumed)), bits(&through));
+
+    layers[1].1.pop();
+    let error = begin().restore(3, &layers).unwrap_err().to_string();
+    assert!(error.contains("squares") && error.contains("6144"), "{error}");
+    let error = begin().restore(3, &layers[1..]).unwrap_err().to_string();
+    assert!(error.contains("`sum` is missing"), "{error}");
+}
+
+fn assert_matches(name: &str, options: ReferenceOptions, samples: usize, most: f64) {
     let Some(assets) = assets() else { return };
     let part = if options.max_depth == 2 { "direct" } else { "full" };
     let expected = reference(&assets, &format!("{name}.{part}"));

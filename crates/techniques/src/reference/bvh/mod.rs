@@ -176,6 +176,11 @@ impl TraceData {
         Self { words, facts: TraceFacts { levels, masks }, parts, plan }
     }
 
+    /// What shaders may leave out.
+    pub fn facts(&self) -> TraceFacts {
+        self.facts
+    }
+
     /// Uploads.
     ///
     /// # Errors
