@@ -2,7 +2,7 @@
 
 use chiaro::scene::Scene;
 use chiaro::{
-    Aov, Gpu, LoadedScene, ReferenceOptions, Recorder, Reference, Renderer, Settings, StillOptions, View,
+    Aov, Gpu, LoadedScene, Recorder, Reference, ReferenceOptions, Renderer, Settings, StillOptions, View,
 };
 use chiaro_image::{CompareOptions, Comparison, Image, Picture};
 

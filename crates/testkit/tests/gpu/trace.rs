@@ -3,8 +3,8 @@
 
 use bytemuck::{Pod, Zeroable};
 use chiaro::scene::{
-    self, AlphaMode, Animation, Channel, Filter, Interpolation, Keys, Material, Mesh, MorphTarget, Scene, Transform,
-    Wrap,
+    self, AlphaMode, Animation, Channel, Filter, Interpolation, Keys, Material, Mesh, MorphTarget, Scene,
+    Transform, Wrap,
 };
 use chiaro_gpu::shader::Permutation;
 use chiaro_gpu::wgpu::{TextureFormat, TextureUsages};
@@ -201,12 +201,8 @@ fn crowd() -> Scene {
         if i % 2 == 0 {
             stage.scene.nodes[node].parent_from_node =
                 Transform::Trs { translation: pose.translation.into(), rotation: turn, scale };
-            let channel = |keys| Channel {
-                node,
-                times_s: vec![0.0, 1.0],
-                interpolation: Interpolation::Linear,
-                keys,
-            };
+            let channel =
+                |keys| Channel { node, times_s: vec![0.0, 1.0], interpolation: Interpolation::Linear, keys };
             let channels = vec![
                 channel(Keys::Rotation(vec![turn, turn * Quat::from_rotation_x(1.5)])),
                 channel(Keys::Scale(vec![scale, scale * Vec3::new(0.5, 1.5, -1.0)])),

@@ -133,7 +133,8 @@ impl TraceData {
         words.resize(upper + upper::room(trees), [0; 4]);
 
         // Poses between the samples of the animations, or of somebody's own making, may reach farther.
-        let reach = bounds_over_time(scene).map_or(0.0, |(lo, hi)| farthest(&Aabb::new(lo.into(), hi.into())));
+        let reach =
+            bounds_over_time(scene).map_or(0.0, |(lo, hi)| farthest(&Aabb::new(lo.into(), hi.into())));
         let mut masks = false;
         let mut still = Vec::new();
         let mut placed = Vec::new();

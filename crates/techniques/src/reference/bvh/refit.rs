@@ -3,9 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
-use chiaro_gpu::{
-    Buffer, BufferReadback, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life,
-};
+use chiaro_gpu::{Buffer, BufferReadback, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life};
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::{BRANCHING, CwBvh};
 
@@ -174,7 +172,10 @@ impl Refit {
     /// When a shader does not compile.
     pub fn new(gpu: &Gpu, library: &Library) -> Result<Self, GpuError> {
         let make = |entry| ComputePipeline::new(gpu, library, &shaders::plain(entry), &[], &[]);
-        Ok(Self { corners: make("reference/bvh/corners.cs.wesl")?, level: make("reference/bvh/refit.cs.wesl")? })
+        Ok(Self {
+            corners: make("reference/bvh/corners.cs.wesl")?,
+            level: make("reference/bvh/refit.cs.wesl")?,
+        })
     }
 
     /// Refits the trees of bending meshes to where motion has put their vertices earlier in the frame, if
@@ -202,4 +203,3 @@ impl Refit {
         }
     }
 }
-

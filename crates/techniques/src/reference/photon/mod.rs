@@ -25,9 +25,7 @@ use std::f32::consts::PI;
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
-use chiaro_gpu::{
-    Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life,
-};
+use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life};
 use chiaro_scene as cs;
 use glam::Vec3;
 
@@ -129,7 +127,8 @@ impl PhotonMap {
     /// [`GpuError::TooLarge`] when the picture has too many pixels for the adapter.
     pub fn new(gpu: &Gpu, view: PhotonView) -> Result<Self, GpuError> {
         let pixels = u64::from(view.size_px[0]) * u64::from(view.size_px[1]);
-        let bytes = |lanes: u64| 4 * (SPLAT_WORDS * pixels + CELL_WORDS * cells(lanes) + PHOTON_WORDS * lanes);
+        let bytes =
+            |lanes: u64| 4 * (SPLAT_WORDS * pixels + CELL_WORDS * cells(lanes) + PHOTON_WORDS * lanes);
         let limit = gpu.limits.max_storage_buffer_binding_size;
         let mut lanes = pixels.clamp(LEAST_LANES, 1 << 22);
         while bytes(lanes) > limit && lanes > LEAST_LANES {
@@ -224,7 +223,9 @@ impl PhotonTracer {
             max_depth: options.max_depth,
             diffuse_bounces: options.diffuse_bounces,
             // Another sequence each time that the numbers of paths begin anew.
-            seed: options.seed.wrapping_add((u64::from(first) * u64::from(map.lanes) >> 32) as u32 * 0x9e37_79b9),
+            seed: options
+                .seed
+                .wrapping_add((u64::from(first) * u64::from(map.lanes) >> 32) as u32 * 0x9e37_79b9),
             caustics_only: u32::from(options.caustics_only),
             pixel_m2,
             step: typical_nits / STEPS,
