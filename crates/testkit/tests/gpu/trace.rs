@@ -1,10 +1,12 @@
 //! Rays through the BVH on the GPU against the same rays on the CPU, with nothing but what WebGPU
 //! guarantees.
 
+use std::f32::consts::PI;
+
 use bytemuck::{Pod, Zeroable};
 use chiaro::scene::{
-    self, AlphaMode, Animation, Channel, Filter, Interpolation, Keys, Material, Mesh, MorphTarget, Scene,
-    Transform, Wrap,
+    self, AlphaMode, Animation, Channel, Filter, Interpolation, Keys, Material, Mesh, MorphTarget, Node,
+    Primitive, Scene, Transform, Wrap,
 };
 use chiaro_gpu::shader::Permutation;
 use chiaro_gpu::wgpu::{TextureFormat, TextureUsages};
@@ -304,6 +306,75 @@ fn ball() -> Scene {
     };
     stage.scene.animations.push(Animation { name: String::new(), channels: vec![channel] });
     stage.scene
+}
+
+/// A ball of 1 m around a place, closed: neighbours share their corners.
+fn closed_ball(material: usize, center: Vec3) -> Primitive {
+    const SIDES: u32 = 48;
+    const RINGS: u32 = 24;
+    let mut ball = Primitive { material, ..Primitive::default() };
+    for i in 0..(RINGS + 1) * SIDES {
+        let (ring, side) = (i / SIDES, i % SIDES);
+        // The poles are all one place.
+        let (y, r) = match ring {
+            0 => (1.0, 0.0),
+            RINGS => (-1.0, 0.0),
+            _ => {
+                let angle = PI * ring as f32 / RINGS as f32;
+                (angle.cos(), angle.sin())
+            }
+        };
+        let around = 2.0 * PI * side as f32 / SIDES as f32;
+        ball.positions.push(center + Vec3::new(r * around.cos(), y, r * around.sin()));
+        ball.normals.push(Vec3::Y);
+        if ring < RINGS {
+            let next = ring * SIDES + (side + 1) % SIDES;
+            ball.indices.extend([i, next, i + SIDES, i + SIDES, next, next + SIDES]);
+        }
+    }
+    ball
+}
+
+/// Rays from within a ball to its corners, to places on its edges and anywhere between.
+fn rays_at_seams(ball: &Primitive, center: Vec3, count: usize) -> Vec<Ray> {
+    let mut random = Random::new(17);
+    let triangles = ball.indices.as_chunks::<3>().0;
+    let ray = |i: usize| {
+        let [a, b, c] = triangles[i * 7 % triangles.len()].map(|corner| ball.positions[corner as usize]);
+        let target = match i % 3 {
+            0 => a,
+            1 => a.lerp(c, random.within(0.0, 1.0)),
+            _ => a.lerp(b, random.within(0.0, 1.0)),
+        };
+        let origin = center + Vec3::from_array([0; 3].map(|_| random.within(-0.4, 0.4)));
+        Ray { origin, t_min: 0.0, direction: target - origin, t_max: 9.0 }
+    };
+    (0..count).map(ray).collect()
+}
+
+#[test]
+fn no_ray_slips_out_of_a_closed_ball_between_its_triangles() {
+    // At places where coordinates are coarse, lying there and carried there.
+    for (center, carried) in
+        [(Vec3::ZERO, false), (Vec3::new(90.0, -7.0, 31.0), false), (Vec3::X * 50.0, true)]
+    {
+        let mut stage = Stage::new();
+        let material = stage.lambert(0.5);
+        let own = if carried { Vec3::ZERO } else { center };
+        let mut ball = closed_ball(material, own);
+        let mesh = Mesh { primitives: vec![ball.clone()], ..Mesh::default() };
+        stage.place(mesh, Affine3A::from_translation(center - own));
+        if carried {
+            let node = stage.scene.nodes.len() - 1;
+            let second = Node { mesh: stage.scene.nodes[node].mesh, ..Node::default() };
+            stage.scene.nodes.push(second);
+            ball = closed_ball(material, center);
+        }
+        let rays = rays_at_seams(&ball, center, 20_000);
+        let hits = shoot(&device_guaranteed(), &stage.scene, &rays);
+        let out = hits.iter().filter(|hit| hit[0] < 0.0 || hit[1] == 0.0).count();
+        assert_eq!(out, 0, "of {} at {center}", rays.len());
+    }
 }
 
 #[test]
