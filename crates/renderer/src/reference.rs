@@ -146,7 +146,7 @@ impl Reference {
 
     /// Records `count` more samples of every pixel, in whole rounds. However they are grouped, the image is the same.
     pub fn add(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene, count: u32) {
-        if let Some((motion, refit)) = &mut self.following {
+        if let Some((motion, refit)) = self.following.as_mut().filter(|_| self.traced.stale()) {
             motion.record(frame, &loaded.gpu);
             refit.record(frame, &loaded.gpu, &mut self.traced);
         }

@@ -23,22 +23,19 @@ fn traced(
     let (kit, settings) = (studio.renderer.kit(), studio.renderer.settings());
     let options = ReferenceOptions { max_depth, seed: 1, ..ReferenceOptions::default() };
     let mut recorder = Recorder::new(&gpu, false);
-    let mut reference: Option<Reference> = None;
-    let stops = before.iter().map(|&t| (t, 1)).chain([(time_s, samples)]);
-    for (time_s, samples) in stops {
-        loaded.set_pose(scene, &scene.pose(time_s));
-        match &mut reference {
-            Some(reference) => reference.follow((scene, &loaded), settings, view).unwrap(),
-            None => {
-                let new = Reference::new(kit, (scene, &loaded), settings, (view, size), options);
-                reference = Some(new.unwrap());
-            }
+    let stops: Vec<_> = before.iter().map(|&t| (t, 1)).chain([(time_s, samples)]).collect();
+    loaded.set_pose(scene, &scene.pose(stops[0].0));
+    let mut reference = Reference::new(kit, (scene, &loaded), settings, (view, size), options).unwrap();
+    for (index, (time_s, samples)) in stops.into_iter().enumerate() {
+        if index > 0 {
+            loaded.set_pose(scene, &scene.pose(time_s));
+            reference.follow((scene, &loaded), settings, view).unwrap();
         }
         let mut frame = recorder.begin();
-        reference.as_mut().unwrap().add(&mut frame, &loaded, samples);
+        reference.add(&mut frame, &loaded, samples);
         frame.submit();
     }
-    let sum = reference.unwrap().sum().unwrap().wait(&gpu).unwrap().floats();
+    let sum = reference.sum().unwrap().wait(&gpu).unwrap().floats();
     sum.as_chunks::<4>().0.iter().map(|texel| texel[1] / samples as f32).collect()
 }
 

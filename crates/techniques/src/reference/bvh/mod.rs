@@ -210,6 +210,11 @@ impl TraceData {
 }
 
 impl TraceScene {
+    /// Whether vertices may have moved since [`Refit::record`], so that motion and it are due.
+    pub fn stale(&self) -> bool {
+        self.stale
+    }
+
     /// Takes a new pose of the scene that this was built from, for the commands submitted next; what bends follows with
     /// [`Refit::record`]. `false` when only building anew will do: a glowing triangle has stopped or begun to be finite.
     #[must_use]
