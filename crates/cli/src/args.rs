@@ -50,7 +50,7 @@ Examples:
   chiaro reference room.glb --camera 1 --max-depth 3 --spp 64 -o room.bounce1.exr
 
 No paths are found from lights without extent over mirrors or through glass to a surface (caustics);
-blended surfaces are cut at half coverage. What moves stands still at the moment of --time.")]
+blended surfaces are cut at half coverage. What moves stands still while it is traced.")]
     Reference(ReferenceArgs),
     /// Measure how long each pass of a frame takes on this machine
     #[command(after_help = "\
@@ -200,13 +200,13 @@ pub struct ReferenceArgs {
     /// Most edges of a path: 1 shows what glows, 2 direct light, 3 one bounce; 0 is no limit
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub max_depth: u32,
-    /// Show the animation's moment at this many seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
-    pub time: f64,
     /// Most times that light goes from one scattering surface to another, mirrors and smooth glass not counted: 0 leaves
     /// direct light and caustics [default: no limit]
     #[arg(long, value_name = "N")]
     pub diffuse_bounces: Option<u32>,
+    /// Show the animation's moment at this many seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
+    pub time: f64,
     /// What all random choices start from; the same seed gives the same image
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,

@@ -5,7 +5,7 @@ use chiaro_gpu::{Frame, Gpu, Readback, Texture, wgpu};
 use chiaro_scene::Scene;
 use chiaro_techniques::motion::Motion;
 use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceScene};
-use chiaro_techniques::reference::path::{PathOptions, PathSum, PathTracer};
+use chiaro_techniques::reference::path::{Interfaces, PathOptions, PathSum, PathTracer};
 use chiaro_techniques::reference::photon::{
     PhotonMap, PhotonOptions, PhotonTracer, PhotonView, specular_bounds,
 };
@@ -60,9 +60,16 @@ pub struct Reference {
     traced: TraceScene,
     tracer: PathTracer,
     photons: Option<(PhotonTracer, PhotonMap)>,
-    following: Option<(Motion, Refit)>,
+    following: Option<Following>,
     sum: PathSum,
     options: ReferenceOptions,
+}
+
+/// Passes for scenes that move.
+#[derive(Debug)]
+struct Following {
+    motion: Motion,
+    refit: Refit,
 }
 
 impl Reference {
@@ -80,25 +87,26 @@ impl Reference {
     ) -> Result<Self, Error> {
         let gpu = &kit.gpu;
         let traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
-        let facts = (loaded.gpu.facts, traced.facts);
-        let frame_layout = FrameGroup::layout_without_shadows(gpu);
-        let photon_view = photon_view(scene, loaded, (view, size_px));
+        let facts = (loaded.gpu.facts, traced.facts, Interfaces::of(scene));
+        let moves = loaded.gpu.motion.moves();
+        let following = moves.then(|| -> Result<_, Error> {
+            let (motion, refit) = (Motion::new(gpu, &kit.library)?, Refit::new(gpu, &kit.library)?);
+            Ok(Following { motion, refit })
+        });
+        let following = following.transpose()?;
+        let photon_view = photon_view((scene, loaded), (view, size_px));
         let needed = match options.integrator {
             Integrator::Path => false,
             Integrator::Photon => true,
             Integrator::Full => photon_view.specular_ws.is_some(),
         };
+        let frame_layout = FrameGroup::layout_without_shadows(gpu);
         let layouts = (&frame_layout, &kit.scene_layout);
         let tracer = PathTracer::new(gpu, &kit.library, layouts, facts, needed)?;
         let photons = needed.then(|| -> Result<_, Error> {
             Ok((PhotonTracer::new(gpu, &kit.library, layouts, facts)?, PhotonMap::new(gpu, photon_view)?))
         });
         let photons = photons.transpose()?;
-        let moves = loaded.gpu.motion.moves();
-        let following = moves.then(|| -> Result<_, Error> {
-            Ok((Motion::new(gpu, &kit.library)?, Refit::new(gpu, &kit.library)?))
-        });
-        let following = following.transpose()?;
         let mut frame_group = kit.frame_group_of(&frame_layout)?;
         let environment = loaded.environment.as_ref().map(|map| &map.texture);
         frame_group.reserve(gpu, loaded.lights.len(), 0, environment);
@@ -109,10 +117,10 @@ impl Reference {
     }
 
     /// Starts the image again where the scene and the camera are now: `loaded` has taken another pose since. The trees
-    /// follow, which is quicker than building them anew, but leaves those of bending meshes as good as they fit.
+    /// follow, which is quicker than building them anew but leaves those of bending meshes as good as they fit.
     ///
     /// # Errors
-    /// When what has to be made anew does not fit the adapter.
+    /// When trees had to be built anew and do not fit the adapter.
     pub fn follow(
         &mut self,
         (scene, loaded): (&Scene, &LoadedScene),
@@ -123,14 +131,14 @@ impl Reference {
         if !self.traced.update(gpu, scene, &loaded.pose) {
             self.traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
         }
-        let options = self.sum.sum().options();
-        let size_px = [options.width, options.height];
-        if let Some((_, map)) = &mut self.photons {
-            *map = PhotonMap::new(gpu, photon_view(scene, loaded, (view, size_px)))?;
-        }
+        let size = self.sum.sum().options();
+        let size_px = [size.width, size.height];
         write_frame(gpu, &self.frame_group, loaded, &frame_data(loaded, settings, view, size_px));
-        self.sum = PathSum::new(gpu, size_px, self.photons.is_some());
-        Ok(gpu.check()?)
+        if let Some((_, map)) = &mut self.photons {
+            map.view = photon_view((scene, loaded), (view, size_px));
+        }
+        self.sum.resume(0);
+        Ok(())
     }
 
     /// Samples that are added together: counts are rounded up to a multiple of this.
@@ -146,15 +154,16 @@ impl Reference {
 
     /// Records `count` more samples of every pixel, in whole rounds. However they are grouped, the image is the same.
     pub fn add(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene, count: u32) {
-        if let Some((motion, refit)) = self.following.as_mut().filter(|_| self.traced.stale()) {
-            motion.record(frame, &loaded.gpu);
-            refit.record(frame, &loaded.gpu, &mut self.traced);
-        }
         let ReferenceOptions { integrator, max_depth, diffuse_bounces, seed } = self.options;
         let alone = integrator == Integrator::Photon;
         // Beside light paths that bring all else, what is seen of lights themselves.
         let path = PathOptions { max_depth: if alone { 1 } else { max_depth }, diffuse_bounces, seed };
         let light = PhotonOptions { max_depth, diffuse_bounces, seed, caustics_only: !alone };
+        let following = self.following.as_mut().filter(|_| self.traced.stale());
+        if let Some(Following { motion, refit }) = following {
+            motion.record(frame, &loaded.gpu);
+            refit.record(frame, &loaded.gpu, &mut self.traced);
+        }
         let scene = (self.frame_group.group(), &loaded.gpu, &self.traced);
         let each = match self.photons {
             Some(_) => self.round(),
@@ -251,7 +260,7 @@ fn upload(gpu: &Gpu, texture: &Texture, texels: &[f32]) {
     );
 }
 
-fn photon_view(scene: &Scene, loaded: &LoadedScene, (view, size_px): (&View, [u32; 2])) -> PhotonView {
+fn photon_view((scene, loaded): (&Scene, &LoadedScene), (view, size_px): (&View, [u32; 2])) -> PhotonView {
     PhotonView {
         size_px,
         pixel_m2: view.pixel_m2(size_px),

@@ -78,6 +78,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shared/depth.wesl"),
     shader!("shared/footprint.wesl"),
     shader!("shared/frame.wesl"),
+    shader!("shared/hash.wesl"),
     shader!("shared/oct.wesl"),
     shader!("shared/scene.wesl"),
     shader!("surface/cull.wesl"),

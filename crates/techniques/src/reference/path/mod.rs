@@ -23,9 +23,10 @@ use chiaro_gpu::{
     Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture,
     TextureOptions,
 };
+use chiaro_scene as cs;
 
 use crate::reference::bvh::{TraceFacts, TraceScene};
-use crate::reference::photon::PhotonMap;
+use crate::reference::photon::{PhotonMap, is_specular};
 use crate::shaders;
 use crate::surface::{SceneFacts, SceneGpu};
 
@@ -56,6 +57,21 @@ pub struct PathOptions {
 impl Default for PathOptions {
     fn default() -> Self {
         Self { max_depth: 0, diffuse_bounces: u32::MAX, seed: 0 }
+    }
+}
+
+/// Whether any surface of a scene mirrors or lets light through, so that shaders are compiled without what does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Interfaces(bool);
+
+impl Interfaces {
+    /// Looks at a scene's materials.
+    pub fn of(scene: &cs::Scene) -> Self {
+        Self(scene.materials.iter().any(|m| m.transmission > 0.0 || is_specular(scene, m)))
+    }
+
+    pub(crate) fn constant(self) -> (&'static str, f64) {
+        ("INTERFACES", f64::from(u8::from(self.0)))
     }
 }
 
@@ -127,11 +143,12 @@ impl PathTracer {
         gpu: &Gpu,
         library: &Library,
         (frame_layout, scene_layout): (&GroupLayout, &GroupLayout),
-        (facts, trees): (SceneFacts, TraceFacts),
+        (facts, trees, interfaces): (SceneFacts, TraceFacts, Interfaces),
         photons: bool,
     ) -> Result<Self, GpuError> {
         let shared = &[frame_layout, scene_layout];
-        let constants = [facts.constants(), trees.constants()].concat();
+        let mut constants = [facts.constants(), trees.constants()].concat();
+        constants.push(interfaces.constant());
         let pipeline = ComputePipeline::new(gpu, library, &shaders::path_trace(photons), shared, &constants)?;
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let uniform = Buffer::new(gpu, "path_pass", Life::Frame, size_of::<PathPass>() as u64, usage);

@@ -25,11 +25,14 @@ use std::f32::consts::PI;
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
-use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life};
+use chiaro_gpu::{
+    Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life,
+};
 use chiaro_scene as cs;
 use glam::Vec3;
 
 use crate::reference::bvh::{TraceFacts, TraceScene};
+use crate::reference::path::Interfaces;
 use crate::shaders;
 use crate::surface::{SceneFacts, SceneGpu};
 
@@ -96,7 +99,8 @@ pub fn specular_bounds(scene: &cs::Scene, pose: &cs::Pose) -> Option<(Vec3, Vec3
     scene.bounds_of(pose, |material| specular[material])
 }
 
-fn is_specular(scene: &cs::Scene, material: &cs::Material) -> bool {
+/// Whether a material mirrors exactly or lets light through without blur somewhere.
+pub(crate) fn is_specular(scene: &cs::Scene, material: &cs::Material) -> bool {
     let reflects = material.metallic > 0.0 || material.specular > 0.0 || material.transmission > 0.0;
     if material.reflection != cs::Reflection::MetallicRoughness || !reflects {
         return false;
@@ -115,7 +119,8 @@ fn is_specular(scene: &cs::Scene, material: &cs::Material) -> bool {
 pub struct PhotonMap {
     pub(crate) words: Buffer,
     pub(crate) uniform: Buffer,
-    view: PhotonView,
+    /// Of the size that it was made for.
+    pub view: PhotonView,
     lanes: u32,
     cells: u32,
 }
@@ -127,8 +132,7 @@ impl PhotonMap {
     /// [`GpuError::TooLarge`] when the picture has too many pixels for the adapter.
     pub fn new(gpu: &Gpu, view: PhotonView) -> Result<Self, GpuError> {
         let pixels = u64::from(view.size_px[0]) * u64::from(view.size_px[1]);
-        let bytes =
-            |lanes: u64| 4 * (SPLAT_WORDS * pixels + CELL_WORDS * cells(lanes) + PHOTON_WORDS * lanes);
+        let bytes = |lanes: u64| 4 * (SPLAT_WORDS * pixels + CELL_WORDS * cells(lanes) + PHOTON_WORDS * lanes);
         let limit = gpu.limits.max_storage_buffer_binding_size;
         let mut lanes = pixels.clamp(LEAST_LANES, 1 << 22);
         while bytes(lanes) > limit && lanes > LEAST_LANES {
@@ -188,10 +192,11 @@ impl PhotonTracer {
         gpu: &Gpu,
         library: &Library,
         (frame_layout, scene_layout): (&GroupLayout, &GroupLayout),
-        (facts, trees): (SceneFacts, TraceFacts),
+        (facts, trees, interfaces): (SceneFacts, TraceFacts, Interfaces),
     ) -> Result<Self, GpuError> {
         let shared = &[frame_layout, scene_layout];
-        let constants = [facts.constants(), trees.constants()].concat();
+        let mut constants = [facts.constants(), trees.constants()].concat();
+        constants.push(interfaces.constant());
         let pipeline = ComputePipeline::new(gpu, library, &shaders::photon_trace(), shared, &constants)?;
         Ok(Self { pipeline })
     }
@@ -223,9 +228,7 @@ impl PhotonTracer {
             max_depth: options.max_depth,
             diffuse_bounces: options.diffuse_bounces,
             // Another sequence each time that the numbers of paths begin anew.
-            seed: options
-                .seed
-                .wrapping_add((u64::from(first) * u64::from(map.lanes) >> 32) as u32 * 0x9e37_79b9),
+            seed: options.seed.wrapping_add((u64::from(first) * u64::from(map.lanes) >> 32) as u32 * 0x9e37_79b9),
             caustics_only: u32::from(options.caustics_only),
             pixel_m2,
             step: typical_nits / STEPS,
