@@ -20,6 +20,9 @@ const MOST: u32 = 64;
 pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     let settings = SettingsArgs { preset: None, set: args.set.clone(), seed: args.seed, pipeline: None };
     let mut session = Session::open_with(&args.scene, &settings, Scene::add_default_view_to_trace)?;
+    if session.duration_s().is_none() && args.time != 0.0 {
+        eprintln!("note: nothing moves in this scene");
+    }
     session.go_to(args.time)?;
     let Session { gpu, renderer, scene, view, size, source, .. } = &session;
     let options = ReferenceOptions {

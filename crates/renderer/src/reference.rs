@@ -159,7 +159,8 @@ impl Reference {
         // Beside light paths that bring all else, what is seen of lights themselves.
         let path = PathOptions { max_depth: if alone { 1 } else { max_depth }, diffuse_bounces, seed };
         let light = PhotonOptions { max_depth, diffuse_bounces, seed, caustics_only: !alone };
-        if let Some(Following { motion, refit }) = &mut self.following {
+        let following = self.following.as_mut().filter(|_| self.traced.stale());
+        if let Some(Following { motion, refit }) = following {
             motion.record(frame, &loaded.gpu);
             refit.record(frame, &loaded.gpu, &mut self.traced);
         }

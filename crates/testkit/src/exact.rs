@@ -3,7 +3,7 @@
 //! The twin that shadow maps are measured against. Triangles lie in a binary BVH (obvhs); masked ones count as whole.
 
 use chiaro::View;
-use chiaro::scene::Scene;
+use chiaro::scene::{Pose, Scene};
 use chiaro_techniques::direct::light_data;
 use chiaro_techniques::shared::frame::LightData;
 use glam::{Vec2, Vec3};
@@ -41,11 +41,15 @@ impl std::fmt::Debug for Exact {
 impl Exact {
     /// Builds the tree of the scene as it stands at time 0.
     pub fn new(scene: &Scene) -> Self {
-        let pose = scene.pose(0.0);
+        Self::at(scene, &scene.pose(0.0))
+    }
+
+    /// Builds the tree of the scene as it stands in a pose.
+    pub fn at(scene: &Scene, pose: &Pose) -> Self {
         let mut triangles = Vec::new();
         for (node, mesh) in scene.nodes.iter().enumerate().filter_map(|(i, node)| Some((i, node.mesh?))) {
             for primitive in &scene.meshes[mesh].primitives {
-                let at: Vec<_> = scene.posed_vertices(&pose, node, primitive).map(|(p, _)| p).collect();
+                let at: Vec<_> = scene.posed_vertices(pose, node, primitive).map(|(p, _)| p).collect();
                 let (corners, _) = primitive.indices.as_chunks::<3>();
                 triangles.extend(corners.iter().map(|corner| {
                     let [v0, v1, v2] = corner.map(|vertex| at[vertex as usize].into());
@@ -53,10 +57,10 @@ impl Exact {
                 }));
             }
         }
-        let (lo, hi) = scene.bounds_at(&pose).unwrap_or_default();
+        let (lo, hi) = scene.bounds_at(pose).unwrap_or_default();
         let mut took = std::time::Duration::ZERO;
         let bvh = build_bvh2_from_tris(&triangles, BvhBuildParams::medium_build(), &mut took);
-        Self { bvh, triangles, lights: light_data(scene, &pose).0, offset: 1e-5 * (hi - lo).length() }
+        Self { bvh, triangles, lights: light_data(scene, pose).0, offset: 1e-5 * (hi - lo).length() }
     }
 
     fn triangle(&self, primitive: usize) -> &Triangle {

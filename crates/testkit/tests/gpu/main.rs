@@ -5,6 +5,7 @@ mod brdf;
 mod brdf_sample;
 mod culling;
 mod environment;
+mod follow;
 mod goldens;
 mod light_paths;
 mod lights;

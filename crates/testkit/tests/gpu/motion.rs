@@ -64,7 +64,7 @@ fn channel(node: usize, keys: Keys) -> Channel {
 }
 
 /// The tube, bent and swollen more and more within a second, and a board that flies past it.
-fn moving() -> Scene {
+pub fn moving() -> Scene {
     let mut stage = surroundings();
     let material = stage.lambert(0.8);
     stage.quad(Vec3::new(0.0, 2.0, 0.0), Vec3::X * 0.4, Vec3::Y * 0.3, material);
@@ -101,7 +101,7 @@ fn moving() -> Scene {
 }
 
 /// The same at one moment, bent by the CPU, with nothing that could move.
-fn frozen(scene: &Scene, time_s: f64) -> Scene {
+pub fn frozen(scene: &Scene, time_s: f64) -> Scene {
     let pose = scene.pose(time_s);
     let mut frozen = Scene { animations: Vec::new(), skins: Vec::new(), ..scene.clone() };
     for (index, node) in frozen.nodes.iter_mut().enumerate() {
@@ -125,7 +125,7 @@ fn frozen(scene: &Scene, time_s: f64) -> Scene {
     frozen
 }
 
-fn view() -> View {
+pub fn view() -> View {
     View::look_at(Vec3::new(1.0, 3.0, 7.0), Vec3::new(0.5, 1.2, 0.0), 0.8, 0.1)
 }
 

@@ -1,12 +1,18 @@
 //! Rays through the BVH on the GPU against the same rays on the CPU, with nothing but what WebGPU
 //! guarantees.
 
+use std::f32::consts::PI;
+
 use bytemuck::{Pod, Zeroable};
-use chiaro::scene::{self, AlphaMode, Filter, Material, Mesh, Scene, Wrap};
+use chiaro::scene::{
+    self, AlphaMode, Animation, Channel, Filter, Interpolation, Keys, Material, Mesh, MorphTarget, Node,
+    Primitive, Scene, Transform, Wrap,
+};
 use chiaro_gpu::shader::Permutation;
 use chiaro_gpu::wgpu::{TextureFormat, TextureUsages};
 use chiaro_gpu::{ComputePipeline, Dispatch, Gpu, Life, Readback, Recorder, Texture, TextureOptions};
-use chiaro_techniques::reference::bvh::TraceData;
+use chiaro_techniques::motion::Motion;
+use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceFacts, TraceScene, WORN};
 use chiaro_techniques::shaders;
 use chiaro_techniques::surface::SceneGpu;
 use chiaro_testkit::{Bench, Exact, Stage, device_guaranteed};
@@ -30,9 +36,51 @@ fn shoot(gpu: &Gpu, scene: &Scene, rays: &[Ray]) -> Vec<[f32; 4]> {
     let bench = Bench::new(gpu);
     let loaded = SceneGpu::upload(gpu, &bench.scene_layout, scene).unwrap();
     let traced = TraceData::build(scene, &scene.pose(0.0)).upload(gpu).unwrap();
+    shoot_at(gpu, (&bench, &loaded, &traced), rays)
+}
+
+/// A scene's trees, built at time 0 and let follow to other times one after the other.
+struct Following {
+    bench: Bench,
+    loaded: SceneGpu,
+    traced: TraceScene,
+    passes: (Motion, Refit),
+    recorder: Recorder,
+}
+
+impl Following {
+    fn new(gpu: &Gpu, scene: &Scene) -> Self {
+        let bench = Bench::new(gpu);
+        let loaded = SceneGpu::upload(gpu, &bench.scene_layout, scene).unwrap();
+        let traced = TraceData::build(scene, &scene.pose(0.0)).upload(gpu).unwrap();
+        let library = shaders::library();
+        let passes = (Motion::new(gpu, &library).unwrap(), Refit::new(gpu, &library).unwrap());
+        Self { bench, loaded, traced, passes, recorder: Recorder::new(gpu, false) }
+    }
+
+    fn go_to(&mut self, gpu: &Gpu, scene: &Scene, time_s: f64) {
+        let pose = scene.pose(time_s);
+        self.loaded.set_pose(scene, &pose);
+        assert!(self.traced.update(gpu, scene, &pose));
+        let mut frame = self.recorder.begin();
+        self.passes.0.record(&mut frame, &self.loaded);
+        self.passes.1.record(&mut frame, &self.loaded, &mut self.traced);
+        frame.submit();
+    }
+
+    fn wear(&self, gpu: &Gpu) -> f32 {
+        self.traced.wear(&self.traced.read_boxes(gpu).unwrap().wait(gpu).unwrap())
+    }
+}
+
+fn shoot_at(
+    gpu: &Gpu,
+    (bench, loaded, traced): (&Bench, &SceneGpu, &TraceScene),
+    rays: &[Ray],
+) -> Vec<[f32; 4]> {
     let library = shaders::library().with(&[("tests/rays.cs.wesl", include_str!("wesl/rays.cs.wesl"))]);
     let layouts = [&bench.frame_layout, &bench.scene_layout];
-    let constants = loaded.facts.constants();
+    let constants = [loaded.facts.constants(), traced.facts.constants()].concat();
     let entry = Permutation::plain("tests/rays.cs.wesl");
     let pipeline = ComputePipeline::new(gpu, &library, &entry, &layouts, &constants).unwrap();
     let usage = TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
@@ -58,8 +106,7 @@ fn shoot(gpu: &Gpu, scene: &Scene, rays: &[Ray]) -> Vec<[f32; 4]> {
 }
 
 /// Rays between random places in and around the scene.
-fn random_rays(scene: &Scene, count: usize) -> Vec<Ray> {
-    let (lo, hi) = scene.bounds().unwrap();
+fn random_rays((lo, hi): (Vec3, Vec3), count: usize) -> Vec<Ray> {
     let (middle, half) = (0.5 * (lo + hi), 0.55 * (hi - lo) + 0.01);
     let mut random = Random::new(11);
     let mut point = || middle + half * Vec3::from_array([0; 3].map(|_| random.within(-1.0, 1.0)));
@@ -77,12 +124,16 @@ fn random_rays(scene: &Scene, count: usize) -> Vec<Ray> {
 fn assert_same_hits(mut scene: Scene, count: usize) {
     // The twin on the CPU knows no masks.
     scene.materials.iter_mut().for_each(|material| material.alpha = AlphaMode::Opaque);
-    let exact = Exact::new(&scene);
-    let rays = random_rays(&scene, count);
+    let rays = random_rays(scene.bounds().unwrap(), count);
     let hits = shoot(&device_guaranteed(), &scene, &rays);
+    assert_hits(&Exact::new(&scene), &rays, &hits);
+}
+
+fn assert_hits(exact: &Exact, rays: &[Ray], hits: &[[f32; 4]]) {
+    let count = rays.len();
     let mut differ = Vec::new();
     let mut met = 0;
-    for (ray, hit) in rays.iter().zip(&hits) {
+    for (ray, hit) in rays.iter().zip(hits) {
         let expected = exact.nearest(ray.origin, ray.direction);
         let t = expected.map(|at| (at.position - ray.origin).dot(ray.direction));
         let same = match t {
@@ -134,8 +185,8 @@ fn sheet(material: usize) -> Mesh {
     Mesh { primitives, ..Mesh::default() }
 }
 
-#[test]
-fn rays_meet_a_mesh_wherever_it_is_drawn() {
+/// Forty of one mesh, in all sizes and directions, every other one of which turns and grows.
+fn crowd() -> Scene {
     let mut stage = Stage::new();
     let material = stage.lambert(0.5);
     stage.scene.meshes.push(sheet(material));
@@ -147,9 +198,183 @@ fn rays_meet_a_mesh_wherever_it_is_drawn() {
         let scale = if i == 7 { Vec3::new(1.0, 0.0, 1.0) } else { three(1.5) };
         let pose = Affine3A::from_scale_rotation_translation(scale, turn, three(4.0));
         stage.place(Mesh::default(), pose);
-        stage.scene.nodes.last_mut().unwrap().mesh = Some(0);
+        let node = stage.scene.nodes.len() - 1;
+        stage.scene.nodes[node].mesh = Some(0);
+        if i % 2 == 0 {
+            stage.scene.nodes[node].parent_from_node =
+                Transform::Trs { translation: pose.translation.into(), rotation: turn, scale };
+            let channel =
+                |keys| Channel { node, times_s: vec![0.0, 1.0], interpolation: Interpolation::Linear, keys };
+            let channels = vec![
+                channel(Keys::Rotation(vec![turn, turn * Quat::from_rotation_x(1.5)])),
+                channel(Keys::Scale(vec![scale, scale * Vec3::new(0.5, 1.5, -1.0)])),
+            ];
+            stage.scene.animations.push(Animation { name: String::new(), channels });
+        }
     }
-    assert_same_hits(stage.scene, 10_000);
+    stage.scene
+}
+
+#[test]
+fn rays_meet_a_mesh_wherever_it_is_drawn() {
+    assert_same_hits(crowd(), 10_000);
+}
+
+fn assert_follows(mut scene: Scene, count: usize) {
+    scene.materials.iter_mut().for_each(|material| material.alpha = AlphaMode::Opaque);
+    let gpu = device_guaranteed();
+    let mut following = Following::new(&gpu, &scene);
+    for time_s in [0.7, 0.2] {
+        following.go_to(&gpu, &scene, time_s);
+        let pose = scene.pose(time_s);
+        let rays = random_rays(scene.bounds_at(&pose).unwrap(), count);
+        let hits = shoot_at(&gpu, (&following.bench, &following.loaded, &following.traced), &rays);
+        assert_hits(&Exact::at(&scene, &pose), &rays, &hits);
+    }
+}
+
+#[test]
+fn rays_meet_a_snake_where_it_has_bent_to() {
+    assert_follows(scene::load("builtin:dancer").unwrap(), 5_000);
+}
+
+#[test]
+fn rays_meet_what_flies_where_it_has_flown_to() {
+    assert_follows(scene::load("builtin:flight").unwrap(), 5_000);
+}
+
+#[test]
+fn rays_meet_a_crowd_that_turns_and_grows() {
+    assert_follows(crowd(), 5_000);
+}
+
+#[test]
+fn rays_meet_a_tube_that_bends_and_swells() {
+    assert_follows(crate::motion::moving(), 5_000);
+}
+
+#[test]
+fn shaders_leave_out_what_a_scene_does_not_have() {
+    let facts = |scene: &Scene| TraceData::build(scene, &scene.pose(0.0)).facts();
+    let mut stage = Stage::floor(0.5);
+    assert_eq!(facts(&stage.scene), TraceFacts { levels: 0, masks: false });
+    stage.scene.materials[0].alpha = AlphaMode::Mask { cutoff: 0.5 };
+    assert_eq!(facts(&stage.scene), TraceFacts { levels: 0, masks: true });
+    assert_eq!(facts(&crowd()), TraceFacts { levels: 2, masks: false });
+    let mut bent = crate::motion::moving();
+    bent.animations.clear();
+    assert_eq!(facts(&bent), TraceFacts { levels: 1, masks: false });
+}
+
+#[test]
+fn a_tree_wears_as_its_mesh_bends_away_from_what_it_was_built_for() {
+    let gpu = device_guaranteed();
+    let scene = ball();
+    let mut following = Following::new(&gpu, &scene);
+    following.go_to(&gpu, &scene, 0.0);
+    let fresh = following.wear(&gpu);
+    assert!((fresh - 1.0).abs() < 0.02, "{fresh}");
+    following.go_to(&gpu, &scene, 1.0);
+    let worn = following.wear(&gpu);
+    assert!(worn > WORN, "{worn}");
+    let pose = scene.pose(1.0);
+    following.traced = TraceData::build(&scene, &pose).upload(&gpu).unwrap();
+    following.go_to(&gpu, &scene, 1.0);
+    let anew = following.wear(&gpu);
+    assert!((anew - 1.0).abs() < 0.02, "{anew}");
+}
+
+/// A sheet whose quads go to random places of a ball within a second.
+fn ball() -> Scene {
+    let mut stage = Stage::new();
+    let material = stage.lambert(0.5);
+    let mut mesh = sheet(material);
+    let mut random = Random::new(5);
+    for primitive in &mut mesh.primitives {
+        let to = Vec3::from_array([0; 3].map(|_| random.within(-1.0, 1.0)));
+        let positions = primitive.positions.iter().map(|_| to).collect();
+        primitive.morph_targets = vec![MorphTarget { positions, ..MorphTarget::default() }];
+    }
+    mesh.morph_weights = vec![0.0];
+    stage.place(mesh, Affine3A::IDENTITY);
+    let node = stage.scene.nodes.len() - 1;
+    let channel = Channel {
+        node,
+        times_s: vec![0.0, 1.0],
+        interpolation: Interpolation::Linear,
+        keys: Keys::MorphWeights(vec![0.0, 1.0]),
+    };
+    stage.scene.animations.push(Animation { name: String::new(), channels: vec![channel] });
+    stage.scene
+}
+
+/// A ball of 1 m around a place, closed: neighbours share their corners.
+fn closed_ball(material: usize, center: Vec3) -> Primitive {
+    const SIDES: u32 = 48;
+    const RINGS: u32 = 24;
+    let mut ball = Primitive { material, ..Primitive::default() };
+    for i in 0..(RINGS + 1) * SIDES {
+        let (ring, side) = (i / SIDES, i % SIDES);
+        // The poles are all one place.
+        let (y, r) = match ring {
+            0 => (1.0, 0.0),
+            RINGS => (-1.0, 0.0),
+            _ => {
+                let angle = PI * ring as f32 / RINGS as f32;
+                (angle.cos(), angle.sin())
+            }
+        };
+        let around = 2.0 * PI * side as f32 / SIDES as f32;
+        ball.positions.push(center + Vec3::new(r * around.cos(), y, r * around.sin()));
+        ball.normals.push(Vec3::Y);
+        if ring < RINGS {
+            let next = ring * SIDES + (side + 1) % SIDES;
+            ball.indices.extend([i, next, i + SIDES, i + SIDES, next, next + SIDES]);
+        }
+    }
+    ball
+}
+
+/// Rays from within a ball to its corners, to places on its edges and anywhere between.
+fn rays_at_seams(ball: &Primitive, center: Vec3, count: usize) -> Vec<Ray> {
+    let mut random = Random::new(17);
+    let triangles = ball.indices.as_chunks::<3>().0;
+    let ray = |i: usize| {
+        let [a, b, c] = triangles[i * 7 % triangles.len()].map(|corner| ball.positions[corner as usize]);
+        let target = match i % 3 {
+            0 => a,
+            1 => a.lerp(c, random.within(0.0, 1.0)),
+            _ => a.lerp(b, random.within(0.0, 1.0)),
+        };
+        let origin = center + Vec3::from_array([0; 3].map(|_| random.within(-0.4, 0.4)));
+        Ray { origin, t_min: 0.0, direction: target - origin, t_max: 9.0 }
+    };
+    (0..count).map(ray).collect()
+}
+
+#[test]
+fn no_ray_slips_out_of_a_closed_ball_between_its_triangles() {
+    // At places where coordinates are coarse, lying there and carried there.
+    for (center, carried) in
+        [(Vec3::ZERO, false), (Vec3::new(90.0, -7.0, 31.0), false), (Vec3::X * 50.0, true)]
+    {
+        let mut stage = Stage::new();
+        let material = stage.lambert(0.5);
+        let own = if carried { Vec3::ZERO } else { center };
+        let mut ball = closed_ball(material, own);
+        let mesh = Mesh { primitives: vec![ball.clone()], ..Mesh::default() };
+        stage.place(mesh, Affine3A::from_translation(center - own));
+        if carried {
+            let node = stage.scene.nodes.len() - 1;
+            let second = Node { mesh: stage.scene.nodes[node].mesh, ..Node::default() };
+            stage.scene.nodes.push(second);
+            ball = closed_ball(material, center);
+        }
+        let rays = rays_at_seams(&ball, center, 20_000);
+        let hits = shoot(&device_guaranteed(), &stage.scene, &rays);
+        let out = hits.iter().filter(|hit| hit[0] < 0.0 || hit[1] == 0.0).count();
+        assert_eq!(out, 0, "of {} at {center}", rays.len());
+    }
 }
 
 #[test]

@@ -90,14 +90,14 @@ fn a_spot_light_ends_at_its_cone() {
 }
 
 /// A lamp of `half`² · 4 m² at a height, shining down with one nit.
-fn lamp(stage: &mut Stage, height: f32, half: f32) {
+pub fn lamp(stage: &mut Stage, height: f32, half: f32) {
     let shining = Material { emissive: Vec3::ONE, base_color: Vec4::W, specular: 0.0, ..Material::default() };
     let shining = stage.material(shining);
     stage.quad(Vec3::Y * height, Vec3::X * half, Vec3::Z * half, shining);
 }
 
 /// Form factor from a place on the floor to a lamp straight above the origin, by quadrature.
-fn form_factor(at: Vec3, height: f32, half: f32) -> f32 {
+pub fn form_factor(at: Vec3, height: f32, half: f32) -> f32 {
     const STEPS: u32 = 64;
     let step = 2.0 * half / STEPS as f32;
     let on = |i: u32| (i as f32 + 0.5) * step - half;

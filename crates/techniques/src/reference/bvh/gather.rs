@@ -94,7 +94,7 @@ fn to_world(instance: &InstanceData, p: Vec3) -> Vec3 {
 pub(super) fn inverse_rows(instance: &InstanceData) -> Option<[Word; 3]> {
     let [x, y, z] = instance.world_from_object.map(|row| Vec4::from(row).as_dvec4());
     let inverse = DMat4::from_cols(x, y, z, DVec4::W).transpose().inverse().transpose();
-    let rows = [inverse.x_axis, inverse.y_axis, inverse.z_axis].map(|row| row.as_vec4());
+    let rows = [inverse.x_axis, inverse.y_axis, inverse.z_axis].map(DVec4::as_vec4);
     rows.iter().all(|row| row.is_finite()).then(|| rows.map(|row| row.to_array().map(f32::to_bits)))
 }
 

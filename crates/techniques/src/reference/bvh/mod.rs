@@ -30,7 +30,7 @@
 //! are. 128 MiB, which every adapter binds, hold about 2.1 million triangles.
 //!
 //! Cost: 48 bytes a triangle and about 10 for its share of nodes; what bends 12 more. The build takes about 4 µs a
-//! triangle on one core. On an NVIDIA H100 paths are traced about 1.5 to 1.8 times as fast as through a binary tree whose
+//! triangle on one core. On an NVIDIA H100 paths are traced 1.3 to 1.8 times as fast as through a binary tree whose
 //! triangles lie in the geometry heap, those of one tree about a tenth faster than through several
 //! (`docs/decisions/0017-wide-tree.md`).
 
@@ -177,6 +177,11 @@ impl TraceData {
         Self { words, facts: TraceFacts { levels, masks }, parts, plan }
     }
 
+    /// What shaders may leave out.
+    pub fn facts(&self) -> TraceFacts {
+        self.facts
+    }
+
     /// Uploads.
     ///
     /// # Errors
@@ -205,6 +210,11 @@ impl TraceData {
 }
 
 impl TraceScene {
+    /// Whether vertices may have moved since [`Refit::record`], so that motion and it are due.
+    pub fn stale(&self) -> bool {
+        self.stale
+    }
+
     /// Takes a new pose of the scene that this was built from, for the commands submitted next; what bends follows with
     /// [`Refit::record`]. `false` when only building anew will do: a glowing triangle has stopped or begun to be finite.
     #[must_use]
