@@ -4,10 +4,12 @@ use bytemuck::Zeroable;
 use chiaro_gpu::{Frame, Gpu, Readback, Texture, wgpu};
 use chiaro_scene::Scene;
 use chiaro_techniques::reference::bvh::{TraceData, TraceScene};
+use chiaro_techniques::reference::first_hit::{FirstHitSum, FirstHitTracer};
 use chiaro_techniques::reference::path::{PathSum, PathTracer};
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup, LightData};
 use glam::Vec2;
 
+pub use chiaro_techniques::reference::first_hit::FirstHit;
 pub use chiaro_techniques::reference::path::PathOptions;
 
 use crate::{Error, Kit, LoadedScene, Settings, View};
@@ -23,6 +25,8 @@ pub struct Reference {
     traced: TraceScene,
     tracer: PathTracer,
     sum: PathSum,
+    observer: Option<FirstHitTracer>,
+    observed: Vec<FirstHitSum>,
     options: PathOptions,
 }
 
@@ -53,7 +57,30 @@ impl Reference {
         gpu.queue.write_buffer(frame_group.lights.raw(), 0, bytemuck::cast_slice(&lights));
         let sum = PathSum::new(gpu, size_px);
         gpu.check()?;
-        Ok(Self { kit: kit.clone(), frame_group, traced, tracer, sum, options })
+        Ok(Self {
+            kit: kit.clone(),
+            frame_group,
+            traced,
+            tracer,
+            sum,
+            observer: None,
+            observed: Vec::new(),
+            options,
+        })
+    }
+
+    /// Sums up these quantities, too, in layers of the name [`FirstHit::layer`]. To be said before the first sample.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn observe(&mut self, loaded: &LoadedScene, wanted: &[FirstHit]) -> Result<(), Error> {
+        let Kit { gpu, library, frame_layout, scene_layout, .. } = &self.kit;
+        self.observer =
+            Some(FirstHitTracer::new(gpu, library, frame_layout, scene_layout, loaded.gpu.facts)?);
+        let size = self.sum.sum().options();
+        let size_px = [size.width, size.height];
+        self.observed = wanted.iter().map(|&what| FirstHitSum::new(gpu, size_px, what)).collect();
+        Ok(())
     }
 
     /// Records `count` more samples of every pixel. However they are grouped, the image is the same.
@@ -63,6 +90,12 @@ impl Reference {
         let each = if self.kit.gpu.is_software() { 1 } else { count.max(1) };
         for first in (0..count).step_by(each as usize) {
             let now = each.min(count - first);
+            let samples = (self.sum.samples(), now);
+            if let Some(observer) = &self.observer {
+                for sum in &mut self.observed {
+                    observer.record(frame, scene, self.options.seed, samples, sum);
+                }
+            }
             self.tracer.record(frame, scene, self.options, now, &mut self.sum);
         }
     }
@@ -90,7 +123,7 @@ impl Reference {
 
     /// Everything that samples are added to, by names that stay: Rgba32Float, summed over samples.
     pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture)> {
-        self.sum.layers()
+        self.sum.layers().chain(self.observed.iter().map(|sum| (sum.what.layer(), sum.texture())))
     }
 
     /// A read-back of each of [`Reference::layers`]: all that [`Reference::restore`] needs.

@@ -6,6 +6,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
+use crate::reference::first_hit::FirstHitPass;
 use crate::reference::path::PathPass;
 use crate::shaders;
 use crate::shadow::DrawView;
@@ -180,6 +181,18 @@ fn rust_structs_equal_their_wesl_twins() {
         first_sample,
         sample_count,
         max_depth,
+        seed,
+        reserved0,
+        reserved1,
+    );
+    same!(
+        &linked("reference/first_hit.cs.wesl"),
+        FirstHitPass,
+        "FirstHitPass",
+        size_px,
+        first_sample,
+        sample_count,
+        what,
         seed,
         reserved0,
         reserved1,

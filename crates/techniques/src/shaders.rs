@@ -32,6 +32,8 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("post/exposure.cs.wesl"),
     shader!("post/histogram.cs.wesl"),
     shader!("post/tone_map.cs.wesl"),
+    shader!("reference/camera.wesl"),
+    shader!("reference/first_hit.cs.wesl"),
     shader!("reference/path/bsdf.wesl"),
     shader!("reference/path/emitters.wesl"),
     shader!("reference/path/sampler.wesl"),
@@ -118,7 +120,7 @@ pub fn permutations() -> Vec<Permutation> {
         "surface/cull_scan.cs.wesl",
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
-    all.extend([debug_view(Viewed::Grid, false), background(), path_trace()]);
+    all.extend([debug_view(Viewed::Grid, false), background(), path_trace(), first_hit()]);
     for a in [false, true] {
         all.extend([Viewed::Float, Viewed::Integer, Viewed::Depth].map(|what| debug_view(what, a)));
         all.push(resolve(a, false));
@@ -196,6 +198,11 @@ pub fn background() -> Permutation {
 /// The path tracer.
 pub fn path_trace() -> Permutation {
     Permutation::plain("reference/path/trace.cs.wesl").flag(FLOAT_MAPS, false)
+}
+
+/// What the camera sees first.
+pub fn first_hit() -> Permutation {
+    plain("reference/first_hit.cs.wesl")
 }
 
 /// One quantity of surface or light.

@@ -2,6 +2,8 @@
 //!
 //! - [`bvh`]: rays through the scene in compute; any technique may import `reference/traverse.wesl`.
 //! - [`path`]: the path tracer.
+//! - [`first_hit`]: what its camera rays meet first.
 
 pub mod bvh;
+pub mod first_hit;
 pub mod path;
