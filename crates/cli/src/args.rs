@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::values::{
     FrameRange, Setting, Size, View, blur_px, frames_per_second, image_output, picture_output, positive,
-    radiance_output, seconds,
+    radiance_output, seconds, share, some_seconds,
 };
 
 /// Real-time shadows, indirect light and caustics, measured against path-traced truth
@@ -48,6 +48,12 @@ H shows the keys. Scene files can be dropped onto the window.")]
 Examples:
   chiaro reference builtin:cornell --spp 256 -o cornell.exr
   chiaro reference room.glb --camera 1 --max-depth 3 --spp 64 -o room.bounce1.exr
+  chiaro reference room.glb --target-error 0.5% --time-limit 3600 --resume -o room.exr
+
+The goal that comes first ends the render. Ctrl-C stops it, too, and nothing is lost: the file holds
+all samples so far (and is written about every minute), and --resume goes on from it. Beside the
+picture (R, G, B in nits) the EXR has the layers variance (of each pixel's mean, nits^2), samples,
+and the sums to go on from.
 
 No paths are found from lights without extent over mirrors or through glass to a surface (caustics);
 blended surfaces are cut at half coverage, and animated scenes stand as they do at time 0.")]
@@ -191,15 +197,27 @@ pub struct ReferenceArgs {
     /// The image to write: scene radiance in nits
     #[arg(short, long, value_name = "FILE", value_parser = radiance_output)]
     pub output: PathBuf,
-    /// Samples per pixel: four times as many halve the noise
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = positive)]
-    pub spp: u32,
+    /// Samples per pixel, those resumed from included: four times as many halve the noise [default: 64; without limit where --time-limit or --target-error is given]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub spp: Option<u32>,
+    /// Stop after so many seconds of tracing
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = some_seconds)]
+    pub time_limit: Option<f64>,
+    /// Stop once a pixel's estimated standard error, averaged over the image, is this share of the image's mean: 0.01 or 1%
+    #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = share)]
+    pub target_error: Option<f64>,
+    /// Go on from the output file where there is one; the image is, bit for bit, that of a render without a break
+    #[arg(long)]
+    pub resume: bool,
     /// Most edges of a path: 1 shows what glows, 2 direct light, 3 one bounce; 0 is no limit
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub max_depth: u32,
     /// What all random choices start from; the same seed gives the same image
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
+    /// Also write what the camera sees first (albedo, normal, depth) to STEM.NAME.exr; may be given many times
+    #[arg(long = "aov", value_name = "NAME")]
+    pub aovs: Vec<String>,
     /// Change a setting that says what is there (surface.lighting, surface.normal_maps, environment.*)
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<Setting>,
