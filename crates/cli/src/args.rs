@@ -77,10 +77,14 @@ Examples:
 mean ratio  sum A / sum B; 1 is the same energy
 nmae        mean |A-B| / mean B
 relmse      mean of (A-B)^2 / (B^2 + (0.05 mean B)^2), without the worst 0.1 % of the pixels
-flip        mean LDR-FLIP, B exposed so that its 99th percentile is 0.9; 0 looks the same
+psnr        peak signal-to-noise ratio in dB, both exposed so that B's 99th percentile is 0.9,
+            clamped and sRGB-encoded, not rounded to bytes; inf (JSON: null) is the same
+ssim        mean structural similarity of the luma of these pictures; 1 is the same
+flip        mean LDR-FLIP at that exposure; 0 looks the same
+hdr flip    mean HDR-FLIP: in each pixel the largest FLIP of the exposures that B needs, in ACES tones
 
-The picture of -o has its own scale, from 1 % (black) to 1000 % (white); masked pixels are
-grey, pixels where A is not finite green.")]
+The picture of -o has its own scale: of |A-B| from 1 % (black) to 1000 % (white) of B's mean, of FLIP
+from 0 to 1; masked pixels are grey, pixels where A is not finite green.")]
     Diff(DiffArgs),
     /// List the built-in scenes
     #[command(after_help = "Example:\n  chiaro scenes")]
@@ -283,9 +287,33 @@ pub struct DiffArgs {
     /// Print one line of JSON instead of a table
     #[arg(long)]
     pub json: bool,
-    /// Write a picture of |A-B| relative to the mean of B in false colours
+    /// Write a picture of the difference in false colours
     #[arg(short, long, value_name = "FILE", value_parser = picture_output)]
     pub output: Option<PathBuf>,
+    /// What that picture shows
+    #[arg(long, default_value = "error", requires = "output")]
+    pub heat: Heat,
+}
+
+/// What the picture of `chiaro diff` shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Heat {
+    /// |A-B| relative to the mean of B
+    Error,
+    /// LDR-FLIP
+    Flip,
+    /// HDR-FLIP
+    HdrFlip,
+}
+
+impl From<Heat> for chiaro_image::Heat {
+    fn from(heat: Heat) -> Self {
+        match heat {
+            Heat::Error => Self::Error,
+            Heat::Flip => Self::Flip,
+            Heat::HdrFlip => Self::HdrFlip,
+        }
+    }
 }
 
 /// `chiaro scenes`, `chiaro settings` and `chiaro info`

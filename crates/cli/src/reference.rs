@@ -22,7 +22,7 @@ const BUSY: Duration = Duration::from_millis(50);
 /// Samples a pixel in one dispatch at most.
 const MOST: u32 = 64;
 /// Between two writings of what there is so far.
-const CHECKPOINT: Duration = Duration::from_secs(60);
+const CHECKPOINT: Duration = Duration::from_mins(1);
 /// Where writing takes long, it takes no more than this share of the time.
 const WRITING: u32 = 20;
 

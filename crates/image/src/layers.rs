@@ -1,6 +1,7 @@
 //! EXR files that hold more than a picture: channels by name, and what the file tells of itself.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
@@ -121,11 +122,11 @@ pub fn write_layers(path: impl AsRef<Path>, layers: &Layers) -> Result<(), Image
         .iter()
         .map(|(name, values)| AnyChannel::new(utf8(name), FlatSamples::F32(values.clone())))
         .collect();
-    let about: String = layers
-        .about
-        .iter()
-        .map(|(key, value)| format!("{key}: {}\n", value.replace(['\r', '\n'], " ")))
-        .collect();
+    let mut about = String::new();
+    for (key, value) in &layers.about {
+        // Writing to a string does not fail.
+        let _ = writeln!(about, "{key}: {}", value.replace(['\r', '\n'], " "));
+    }
     let mut attributes = LayerAttributes::default();
     if !about.is_empty() {
         attributes.other.insert(utf8(ABOUT), AttributeValue::Text(utf8(&about)));

@@ -21,15 +21,18 @@ mod exr_file;
 mod file;
 mod filter;
 mod flip;
+mod hdr_flip;
 mod heat;
 mod layers;
 mod linear;
 mod picture;
+mod ssim;
 
 pub use compare::{CompareOptions, Comparison, Metrics};
 pub use error::ImageError;
 pub use exr_file::{Precision, write_exr};
 pub use file::read;
+pub use heat::Heat;
 pub use layers::{Layers, read_layers, write_layers};
 pub use linear::{Image, MAX_PIXELS};
 pub use picture::{Picture, write_png};

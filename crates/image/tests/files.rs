@@ -153,7 +153,7 @@ fn layers_keep_every_bit_and_what_they_are_about() {
 fn a_layer_needs_a_value_for_every_pixel() {
     let mut layers = Layers::new(3, 2);
     let error = layers.insert("samples", vec![1.0; 5]).unwrap_err().to_string();
-    assert!(error.contains("5 values") && error.contains("6"), "{error}");
+    assert!(error.contains("5 values") && error.contains('6'), "{error}");
     assert!(write_layers(scratch("none.exr"), &layers).unwrap_err().to_string().contains("empty"));
 }
 

@@ -60,7 +60,9 @@ impl Scene {
         for Mesh { name: _, primitives, morph_weights } in meshes {
             hash.list(morph_weights);
             hash.text(&primitives.len());
-            primitives.iter().for_each(|primitive| add_primitive(&mut hash, primitive));
+            for primitive in primitives {
+                add_primitive(&mut hash, primitive);
+            }
         }
         for ImageData { name: _, width, height, rgba } in images {
             hash.text(&(width, height));
