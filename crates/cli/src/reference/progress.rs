@@ -30,8 +30,9 @@ pub struct Progress {
     start: Instant,
     // Samples that were there before.
     first: u32,
-    // Estimated error at so many samples.
+    // Estimated error at so many samples: the newest, and the newest of those that decide.
     noise: Option<(u32, f64)>,
+    decisive: Option<(u32, f64)>,
     looked: Instant,
 }
 
@@ -47,13 +48,13 @@ impl Progress {
             bar.set_style(style);
         }
         let start = Instant::now();
-        Self { limits, bar, start, first, noise: None, looked: start }
+        Self { limits, bar, start, first, noise: None, decisive: None, looked: start }
     }
 
-    /// Whether the noise is to be told now: where an error is the goal, at numbers of samples that depend on nothing but
-    /// the image, so that the same command always stops at the same one.
+    /// Whether the noise is to be told now: for the bar, or because it decides. It does so at numbers of samples that
+    /// depend on nothing but the image, so that the same command always stops at the same one.
     pub fn wants_noise(&self, samples: u32) -> bool {
-        let aims = self.limits.error.is_some() && samples >= self.next_look();
+        let aims = self.decides(samples);
         let shows = !self.bar.is_hidden() && self.looked.elapsed() >= LOOK && samples >= LEAST_SAMPLES;
         let known = self.noise.is_some_and(|(at, _)| at == samples);
         (aims || shows) && !known
@@ -62,6 +63,9 @@ impl Progress {
     /// Tells the estimated error.
     pub fn set_noise(&mut self, samples: u32, noise: f64) {
         self.noise = Some((samples, noise));
+        if self.decides(samples) {
+            self.decisive = self.noise;
+        }
         self.looked = Instant::now();
     }
 
@@ -69,7 +73,7 @@ impl Progress {
     pub fn is_done(&self, samples: u32) -> bool {
         let counted = self.limits.samples.is_some_and(|most| samples >= most);
         let timed = self.limits.seconds.is_some_and(|most| self.start.elapsed().as_secs_f64() >= most);
-        let exact = self.limits.error.zip(self.noise).is_some_and(|(most, (_, noise))| noise <= most);
+        let exact = self.limits.error.zip(self.decisive).is_some_and(|(most, (_, noise))| noise <= most);
         // A render that is stopped and resumed in too short a time would never end.
         counted || exact || (timed && samples > self.first)
     }
@@ -97,9 +101,13 @@ impl Progress {
         self.bar.finish_and_clear();
     }
 
+    fn decides(&self, samples: u32) -> bool {
+        self.limits.error.is_some() && samples >= self.next_look()
+    }
+
     /// The next number of samples at which the error may be small enough, by the square root of samples.
     fn next_look(&self) -> u32 {
-        match self.noise.zip(self.limits.error) {
+        match self.decisive.zip(self.limits.error) {
             Some(((samples, noise), error)) => {
                 let needed = f64::from(samples) * (noise / error).powi(2);
                 // The estimate moves; an expected end is not worth a look after every sample.
@@ -139,7 +147,15 @@ mod tests {
     fn progress(samples: Option<u32>, seconds: Option<f64>, error: Option<f64>, first: u32) -> Progress {
         let start = Instant::now();
         let limits = Limits { samples, seconds, error };
-        Progress { limits, bar: ProgressBar::hidden(), start, first, noise: None, looked: start }
+        Progress {
+            limits,
+            bar: ProgressBar::hidden(),
+            start,
+            first,
+            noise: None,
+            decisive: None,
+            looked: start,
+        }
     }
 
     #[test]
@@ -157,6 +173,9 @@ mod tests {
         progress.set_noise(16, 0.04);
         // Needs 256, but nobody looks farther ahead than twice the samples.
         assert_eq!(progress.room(16), 16);
+        // What the bar shows in between decides nothing.
+        progress.set_noise(20, 0.009);
+        assert!(!progress.is_done(20) && progress.room(20) == 12);
         progress.set_noise(200, 0.0105);
         assert_eq!(progress.room(200), 21);
         assert!(!progress.is_done(200) && !progress.wants_noise(200) && progress.wants_noise(221));
