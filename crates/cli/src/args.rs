@@ -56,7 +56,7 @@ picture (R, G, B in nits) the EXR has the layers variance (of each pixel's mean,
 and the sums to go on from.
 
 No paths are found from lights without extent over mirrors or through glass to a surface (caustics);
-blended surfaces are cut at half coverage, and animated scenes stand as they do at time 0.")]
+blended surfaces are cut at half coverage. What moves stands still while it is traced.")]
     Reference(ReferenceArgs),
     /// Measure how long each pass of a frame takes on this machine
     #[command(after_help = "\
@@ -213,18 +213,39 @@ pub struct ReferenceArgs {
     /// Go on from the output file where there is one; the image is, bit for bit, that of a render without a break
     #[arg(long)]
     pub resume: bool,
+    /// Which paths of light are traced
+    #[arg(long, value_enum, default_value_t = Integrator::Path)]
+    pub integrator: Integrator,
     /// Most edges of a path: 1 shows what glows, 2 direct light, 3 one bounce; 0 is no limit
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub max_depth: u32,
+    /// Most times that light goes from one scattering surface to another, mirrors and smooth glass not counted: 0 leaves
+    /// direct light and caustics [default: no limit]
+    #[arg(long, value_name = "N")]
+    pub diffuse_bounces: Option<u32>,
+    /// Show the animation's moment at this many seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
+    pub time: f64,
     /// What all random choices start from; the same seed gives the same image
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
-    /// Also write what the camera sees first (albedo, normal, depth) to STEM.NAME.exr; may be given many times
+    /// Also write a part of the light (direct, indirect, caustics) or what the camera sees first (albedo, normal, depth) to STEM.NAME.exr; may be given many times
     #[arg(long = "aov", value_name = "NAME")]
     pub aovs: Vec<String>,
     /// Change a setting that says what is there (surface.lighting, surface.normal_maps, environment.*)
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<Setting>,
+}
+
+/// Which paths of light `chiaro reference` traces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Integrator {
+    /// From the camera: all light but that of lamps without extent over mirrors or through smooth glass
+    Path,
+    /// From the lights to surfaces that scatter, seen directly; mirrors and smooth glass are black
+    Photon,
+    /// Both, nothing twice: everything
+    Full,
 }
 
 /// `chiaro bench`

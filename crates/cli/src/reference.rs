@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use chiaro::scene::Scene;
-use chiaro::{PathOptions, Recorder, Reference};
+use chiaro::{Integrator, Recorder, Reference, ReferenceOptions};
 
-use crate::args::{ReferenceArgs, SettingsArgs};
+use crate::args::{self, ReferenceArgs, SettingsArgs};
 use crate::output::print;
 use crate::session::Session;
 use file::Sums;
@@ -27,20 +27,27 @@ const CHECKPOINT: Duration = Duration::from_mins(1);
 const WRITING: u32 = 20;
 
 pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
-    let first_hits = file::first_hits(&args.aovs)?;
+    let first_hits = file::first_hits(args)?;
     let settings = SettingsArgs { preset: None, set: args.set.clone(), seed: args.seed, pipeline: None };
-    let session = Session::open_with(&args.scene, &settings, Scene::add_default_view_to_trace)?;
+    let mut session = Session::open_with(&args.scene, &settings, Scene::add_default_view_to_trace)?;
+    session.go_to(args.time)?;
     let Session { gpu, renderer, scene, view, size, source, .. } = &session;
-    if session.duration_s().is_some() {
-        eprintln!("note: this scene moves; the reference shows it at time 0");
-    }
-    let options = PathOptions { max_depth: args.max_depth, seed: args.seed };
+    let options = ReferenceOptions {
+        integrator: match args.integrator {
+            args::Integrator::Path => Integrator::Path,
+            args::Integrator::Photon => Integrator::Photon,
+            args::Integrator::Full => Integrator::Full,
+        },
+        max_depth: args.max_depth,
+        diffuse_bounces: args.diffuse_bounces.unwrap_or(u32::MAX),
+        seed: args.seed,
+    };
     let scenes = (source, scene);
     let mut reference = Reference::new(renderer.kit(), scenes, renderer.settings(), (view, *size), options)?;
     if !first_hits.is_empty() {
         reference.observe(scene, &first_hits)?;
     }
-    let about = file::about(args, &session);
+    let about = file::about(args, &session, &reference);
     if args.resume && args.output.exists() {
         file::resume(&args.output, &about, *size, &mut reference)?;
     }

@@ -137,5 +137,5 @@ fn wrong_usage_exits_with_2_and_says_what_is_right() {
     assert_fails(&chiaro(&["reference", "builtin:cornell"]), 2, &["--output"]);
     assert_fails(&chiaro(&["reference", "-o", "truth.png"]), 2, &[".exr"]);
     assert_fails(&chiaro(&["reference", "-o", "truth.exr", "--spp", "0"]), 2, &["--spp"]);
-    assert_fails(&chiaro(&["reference", "-o", "truth.exr", "--integrator", "photon"]), 2, &["--integrator"]);
+    assert_fails(&chiaro(&["reference", "-o", "truth.exr", "--integrator", "light"]), 2, &["--integrator"]);
 }

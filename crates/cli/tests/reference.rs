@@ -218,8 +218,45 @@ fn aovs_are_those_of_the_pictures() {
 }
 
 #[test]
+fn light_paths_are_resumed_and_told_apart_too() {
+    let (through, resumed) = (scratch("full_through.exr"), scratch("full_resumed.exr"));
+    let trace = |path: &Path, more: &[&str]| {
+        let scene = ["reference", "builtin:ring", "--size", "40x30", "--integrator", "full"];
+        let aovs = ["--aov", "direct", "--aov", "indirect", "--aov", "caustics"];
+        let output = ["-o", path.to_str().unwrap()];
+        let output = command(&[&scene, &aovs[..], &output, more].concat()).output().unwrap();
+        done(&output);
+    };
+    trace(&through, &["--spp", "8"]);
+    trace(&resumed, &["--spp", "4"]);
+    trace(&resumed, &["--spp", "8", "--resume"]);
+    let (file, again) = (read_layers(&through).unwrap(), read_layers(&resumed).unwrap());
+    assert_eq!(bits(&file), bits(&again));
+    assert_eq!(file.about["integrator"], "full");
+
+    let whole = read(&through).unwrap();
+    let parts = ["direct", "indirect", "caustics"]
+        .map(|aov| read(through.with_extension(format!("{aov}.exr"))).unwrap());
+    assert!(parts.iter().all(|part| part.pixels().iter().flatten().any(|value| *value > 0.0)));
+    let together = Image::from_fn(40, 30, |x, y| {
+        let [a, b, c] = [0, 1, 2].map(|part| parts[part].pixel(x, y));
+        [0, 1, 2].map(|i| a[i] + b[i] + c[i])
+    });
+    assert!(nmae(&together, &whole) < 1e-5);
+}
+
+#[test]
+fn paths_from_the_camera_tell_no_caustics_apart() {
+    let output = reference(&scratch("no.exr"), &["--aov", "caustics"]);
+    assert!(failed(&output).contains("--integrator full"), "{}", text(&output.stderr));
+}
+
+#[test]
 fn an_unknown_aov_is_refused_before_any_work() {
     let output = reference(&scratch("no.exr"), &["--aov", "shadow"]);
     let error = failed(&output);
-    assert!(error.contains("shadow") && error.contains("albedo, normal, depth"), "{error}");
+    assert!(
+        error.contains("shadow") && error.contains("albedo, caustics, depth, direct, indirect, normal"),
+        "{error}"
+    );
 }

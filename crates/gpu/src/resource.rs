@@ -417,6 +417,12 @@ impl GroupLayout {
         Self { index, entries: Arc::new(entries), layout }
     }
 
+    /// How many bindings it declares.
+    #[allow(clippy::len_without_is_empty)]
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
     /// Fills the group; `bindings` in the order of the declaration.
     ///
     /// # Panics

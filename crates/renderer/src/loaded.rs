@@ -22,11 +22,13 @@ pub struct LoadedScene {
     pub openness: Openness,
     /// What surrounds the scene.
     pub environment: Option<EnvironmentMap>,
+    /// How everything stands.
+    pub(crate) pose: Pose,
 }
 
 /// Stored radiance of a white surface under the brightest light, in general. Half floats reach 65,504 above and 2⁻²⁴
 /// below: eight octaves for highlights and glowing things, over thirty for the dark.
-const WHITE_STORED: f32 = 256.0;
+pub(crate) const WHITE_STORED: f32 = 256.0;
 /// The same where an environment has a sun that would not fit otherwise.
 const LEAST_WHITE_STORED: f32 = 1.0;
 /// What the environment's brightest texel may be stored as.
@@ -34,7 +36,8 @@ const PEAK_STORED: f32 = 32_768.0;
 
 impl LoadedScene {
     pub(crate) fn new(gpu: SceneGpu, scene: &Scene, environment: Option<EnvironmentMap>) -> Self {
-        let (lights, directional) = light_data(scene, &scene.pose(0.0));
+        let pose = scene.pose(0.0);
+        let (lights, directional) = light_data(scene, &pose);
         let radiance = illuminance_scale(&lights, gpu.bounds_ws) / std::f32::consts::PI;
         let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
         let around = environment.as_ref().map_or(0.0, |map| map.harmonics.mean.max_element());
@@ -45,7 +48,7 @@ impl LoadedScene {
         let white = (PEAK_STORED * brightest / peak.max(1e-30)).clamp(LEAST_WHITE_STORED, WHITE_STORED);
         let octave = (white / brightest).log2().round().clamp(-60.0, 60.0);
         let openness = Openness::new(scene);
-        Self { gpu, lights, directional, radiance_scale: octave.exp2(), openness, environment }
+        Self { gpu, lights, directional, radiance_scale: octave.exp2(), openness, environment, pose }
     }
 
     /// Moves everything to a pose of the scene that this was loaded from, usually [`Scene::pose`] at a time. The next
@@ -53,5 +56,6 @@ impl LoadedScene {
     pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) {
         self.gpu.set_pose(scene, pose);
         (self.lights, self.directional) = light_data(scene, pose);
+        self.pose.clone_from(pose);
     }
 }

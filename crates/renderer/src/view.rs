@@ -69,6 +69,15 @@ impl View {
         matches!(self.projection, Projection::Orthographic { .. })
     }
 
+    /// Area of a pixel one metre ahead on the camera's axis, m²; of an orthographic camera's pixel.
+    pub fn pixel_m2(&self, size_px: [u32; 2]) -> f32 {
+        let half_height_m = match self.projection {
+            Projection::Perspective { yfov_rad } => (0.5 * yfov_rad).tan(),
+            Projection::Orthographic { half_height_m } => half_height_m,
+        };
+        (2.0 * half_height_m / size_px[1] as f32).powi(2)
+    }
+
     /// Reversed-depth clip space from the camera's axes, moved by `jitter_px` pixels right and down.
     fn clip_from_camera(&self, size_px: [u32; 2], jitter_px: Vec2) -> Mat4 {
         let [width, height] = size_px.map(|n| n as f32);

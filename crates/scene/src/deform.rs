@@ -44,11 +44,16 @@ impl Scene {
 
     /// Smallest and largest corner of all drawn geometry in world space in a pose; `None` without geometry.
     pub fn bounds_at(&self, pose: &Pose) -> Option<(Vec3, Vec3)> {
+        self.bounds_of(pose, |_| true)
+    }
+
+    /// The same of what is made of certain materials, told by their index.
+    pub fn bounds_of(&self, pose: &Pose, material: impl Fn(usize) -> bool) -> Option<(Vec3, Vec3)> {
         let mut bounds: Option<(Vec3, Vec3)> = None;
         let mut include = |p: Vec3| bounds = Some(bounds.map_or((p, p), |(lo, hi)| (lo.min(p), hi.max(p))));
         for (index, node) in self.nodes.iter().enumerate() {
             let Some(mesh) = node.mesh else { continue };
-            for primitive in &self.meshes[mesh].primitives {
+            for primitive in self.meshes[mesh].primitives.iter().filter(|p| material(p.material)) {
                 if self.deforms(node) {
                     self.posed_vertices(pose, index, primitive).for_each(|(p, _)| include(p));
                 } else {

@@ -6,8 +6,10 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
+use crate::reference::bvh::refit::{NodeBox, RefitJob};
 use crate::reference::first_hit::FirstHitPass;
 use crate::reference::path::PathPass;
+use crate::reference::photon::PhotonPass;
 use crate::shaders;
 use crate::shadow::DrawView;
 use crate::shadow::cascades::SunFit;
@@ -181,9 +183,9 @@ fn rust_structs_equal_their_wesl_twins() {
         first_sample,
         sample_count,
         max_depth,
+        diffuse_bounces,
         seed,
-        reserved0,
-        reserved1,
+        reserved,
     );
     same!(
         &linked("reference/first_hit.cs.wesl"),
@@ -197,6 +199,33 @@ fn rust_structs_equal_their_wesl_twins() {
         reserved0,
         reserved1,
     );
+    same!(
+        &linked("reference/photon/trace.cs.wesl"),
+        PhotonPass,
+        "PhotonPass",
+        scene_lo,
+        lanes,
+        scene_hi,
+        paths,
+        target_lo,
+        cells,
+        target_hi,
+        first_path,
+        size_px,
+        max_depth,
+        diffuse_bounces,
+        seed,
+        caustics_only,
+        pixel_m2,
+        step,
+        radius_m,
+        shrunk,
+        footprint,
+        share,
+    );
+    let refit = &linked("reference/bvh/refit.cs.wesl");
+    same!(refit, RefitJob, "RefitJob", node, own, children, pad);
+    same!(refit, NodeBox, "NodeBox", lo, leaf_area, hi, area);
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
     same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags, hole);
     let instances = &linked("motion/instances.cs.wesl");

@@ -32,13 +32,19 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("post/exposure.cs.wesl"),
     shader!("post/histogram.cs.wesl"),
     shader!("post/tone_map.cs.wesl"),
+    shader!("reference/bvh/corners.cs.wesl"),
+    shader!("reference/bvh/refit.cs.wesl"),
     shader!("reference/camera.wesl"),
     shader!("reference/first_hit.cs.wesl"),
     shader!("reference/path/bsdf.wesl"),
     shader!("reference/path/emitters.wesl"),
+    shader!("reference/path/medium.wesl"),
     shader!("reference/path/sampler.wesl"),
     shader!("reference/path/trace.cs.wesl"),
     shader!("reference/path/vertex.wesl"),
+    shader!("reference/photon/emit.wesl"),
+    shader!("reference/photon/map.wesl"),
+    shader!("reference/photon/trace.cs.wesl"),
     shader!("reference/traverse.wesl"),
     shader!("shadow/depth.vs.wesl"),
     shader!("shadow/depth_bounds.cs.wesl"),
@@ -74,6 +80,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shared/depth.wesl"),
     shader!("shared/footprint.wesl"),
     shader!("shared/frame.wesl"),
+    shader!("shared/hash.wesl"),
     shader!("shared/oct.wesl"),
     shader!("shared/scene.wesl"),
     shader!("surface/cull.wesl"),
@@ -110,6 +117,8 @@ pub fn permutations() -> Vec<Permutation> {
         "post/exposure.cs.wesl",
         "post/histogram.cs.wesl",
         "post/tone_map.cs.wesl",
+        "reference/bvh/corners.cs.wesl",
+        "reference/bvh/refit.cs.wesl",
         "shadow/depth_bounds.cs.wesl",
         "shadow/fit.cs.wesl",
         "shadow/raster/resolve.cs.wesl",
@@ -120,13 +129,14 @@ pub fn permutations() -> Vec<Permutation> {
         "surface/cull_scan.cs.wesl",
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
-    all.extend([debug_view(Viewed::Grid, false), background(), path_trace(), first_hit()]);
+    all.extend([debug_view(Viewed::Grid, false), background(), photon_trace(), first_hit()]);
     for a in [false, true] {
         all.extend([Viewed::Float, Viewed::Integer, Viewed::Depth].map(|what| debug_view(what, a)));
         all.push(resolve(a, false));
         all.push(resolve(a, true));
         all.push(behind(a));
         all.push(aov(a));
+        all.push(path_trace(a));
         all.push(shadow_depth(a));
         all.extend([shadow_paraboloid(a, false), shadow_paraboloid(a, true)]);
         all.push(raster_triangles(a));
@@ -195,9 +205,14 @@ pub fn background() -> Permutation {
     Permutation::plain("environment/background.vs.wesl").flag(FLOAT_MAPS, false)
 }
 
-/// The path tracer.
-pub fn path_trace() -> Permutation {
-    Permutation::plain("reference/path/trace.cs.wesl").flag(FLOAT_MAPS, false)
+/// The path tracer, with light paths' photons or without.
+pub fn path_trace(photons: bool) -> Permutation {
+    Permutation::plain("reference/path/trace.cs.wesl").flag("photons", photons).flag(FLOAT_MAPS, false)
+}
+
+/// Light paths.
+pub fn photon_trace() -> Permutation {
+    Permutation::plain("reference/photon/trace.cs.wesl").flag("photons", true).flag(FLOAT_MAPS, false)
 }
 
 /// What the camera sees first.

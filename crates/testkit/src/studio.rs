@@ -2,7 +2,7 @@
 
 use chiaro::scene::Scene;
 use chiaro::{
-    Aov, Gpu, LoadedScene, PathOptions, Recorder, Reference, Renderer, Settings, StillOptions, View,
+    Aov, Gpu, LoadedScene, Recorder, Reference, ReferenceOptions, Renderer, Settings, StillOptions, View,
 };
 use chiaro_image::{CompareOptions, Comparison, Image, Picture};
 
@@ -90,7 +90,7 @@ impl Studio {
         &mut self,
         scene: &Scene,
         (view, size): (&View, [u32; 2]),
-        options: PathOptions,
+        options: ReferenceOptions,
         groups: &[u32],
     ) -> Image {
         let loaded = self.load(scene);

@@ -5,9 +5,10 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use chiaro::{FirstHit, Gpu, Pixels, Reference, Settings, View};
-use chiaro_image::{Layers, Precision, read_layers, write_exr, write_layers};
+use chiaro_image::{Image, Layers, Precision, read_layers, write_exr, write_layers};
+use clap::ValueEnum;
 
-use crate::args::ReferenceArgs;
+use crate::args::{Integrator, ReferenceArgs};
 use crate::render::mean;
 use crate::session::Session;
 
@@ -22,16 +23,21 @@ const SHORT: usize = 40;
 
 /// What is traced: the sums of two files can go on in each other only if all of this is equal, but for the samples and
 /// the scene's name.
-pub fn about(args: &ReferenceArgs, session: &Session) -> BTreeMap<String, String> {
+pub fn about(args: &ReferenceArgs, session: &Session, reference: &Reference) -> BTreeMap<String, String> {
+    let integrator = args.integrator.to_possible_value();
     let entries = [
         ("chiaro", env!("CARGO_PKG_VERSION").to_owned()),
-        ("integrator", "path".to_owned()),
+        ("integrator", integrator.map_or(String::new(), |value| value.get_name().to_owned())),
+        // Light paths of another number of samples together have other radii.
+        ("samples in a round", reference.round().to_string()),
+        ("time", format!("{} s", args.time)),
         (SCENE, session.scene_name.clone()),
         ("scene fingerprint", format!("{:016x}", session.source.fingerprint())),
         ("camera", camera(&session.view)),
         ("settings", settings(session.renderer.settings())),
         ("seed", args.seed.to_string()),
         ("max depth", args.max_depth.to_string()),
+        ("diffuse bounces", args.diffuse_bounces.map_or("no limit".to_owned(), |most| most.to_string())),
         ("aovs", sorted(&args.aovs).join(" ")),
     ];
     entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
@@ -56,19 +62,30 @@ fn sorted(names: &[String]) -> Vec<&str> {
     names
 }
 
-/// Quantities of the surface seen first by the names of `--aov`. A name is that of the layer `sum.NAME`.
-pub fn first_hits(names: &[String]) -> anyhow::Result<Vec<FirstHit>> {
-    let name = |what: FirstHit| what.layer().trim_start_matches("sum.");
-    let known = |wanted: &str| FirstHit::ALL.into_iter().find(|&what| name(what) == wanted);
-    sorted(names)
-        .into_iter()
-        .map(|wanted| {
-            known(wanted).with_context(|| {
-                let names = FirstHit::ALL.map(name).join(", ");
-                format!("--aov {wanted}: there is none of that name; there are {names}")
-            })
-        })
-        .collect()
+/// Parts of the light that the tracers tell apart, by the names of `--aov`.
+const LIGHT: [&str; 3] = ["caustics", "direct", "indirect"];
+
+/// Which quantities of the surface seen first are among the names of `--aov`.
+pub fn first_hits(args: &ReferenceArgs) -> anyhow::Result<Vec<FirstHit>> {
+    let mut wanted = Vec::new();
+    for name in sorted(&args.aovs) {
+        if name == "caustics" && args.integrator == Integrator::Path {
+            bail!("--aov caustics: paths from the camera do not tell them apart; add --integrator full");
+        }
+        let first_hit = FirstHit::ALL.into_iter().find(|what| what.layer() == name);
+        if first_hit.is_none() && !LIGHT.contains(&name) {
+            let mut names: Vec<_> = LIGHT.into_iter().chain(FirstHit::ALL.map(FirstHit::layer)).collect();
+            names.sort_unstable();
+            bail!("--aov {name}: there is none of that name; there are {}", names.join(", "));
+        }
+        wanted.extend(first_hit);
+    }
+    Ok(wanted)
+}
+
+/// A layer of sums by its name in the file: `sum.NAME` is a part, or a quantity, that is summed up like the picture.
+fn in_file(layer: &str) -> String {
+    if ["sum", "squares"].contains(&layer) { layer.to_owned() } else { format!("sum.{layer}") }
 }
 
 /// Goes on from a file, after making sure that it is of the same reference.
@@ -105,13 +122,15 @@ pub fn resume(
         );
     }
     let layers: Vec<_> =
-        reference.layers().filter_map(|(name, _)| Some((name, file.texels(name)?))).collect();
+        reference.layers().filter_map(|(name, _)| Some((name, file.texels(&in_file(name))?))).collect();
     reference.restore(samples, &layers).with_context(|| format!("--resume {}", path.display()))
 }
 
 /// All sums of a reference.
 pub struct Sums {
     samples: u32,
+    // Samples that share light paths, and are squared together.
+    round: u32,
     layers: Vec<(&'static str, Pixels)>,
 }
 
@@ -121,7 +140,8 @@ impl Sums {
         // All copies are on their way before the first is waited for.
         let layers = reference.read_layers()?;
         let layers = layers.into_iter().map(|(name, layer)| Ok((name, layer.wait(gpu)?)));
-        Ok(Self { samples: reference.samples(), layers: layers.collect::<anyhow::Result<_>>()? })
+        let layers = layers.collect::<anyhow::Result<_>>()?;
+        Ok(Self { samples: reference.samples(), round: reference.round(), layers })
     }
 
     fn layer(&self, name: &str) -> anyhow::Result<&Pixels> {
@@ -129,9 +149,15 @@ impl Sums {
         Ok(&layer.with_context(|| format!("the reference has no layer {name}"))?.1)
     }
 
-    /// [`noise`] of the picture.
+    /// A pixel's mean standard error, relative to the image's mean, as if samples were independent: stratified ones are
+    /// better than that.
     pub fn noise(&self) -> anyhow::Result<f64> {
-        Ok(noise(self.layer("sum")?, self.layer("squares")?, self.samples))
+        let (sum, squares) = (self.layer("sum")?.floats(), self.layer("squares")?.floats());
+        let means = (0..sum.len()).filter(|index| index % 4 < 3).map(|index| f64::from(sum[index]));
+        let mean = means.sum::<f64>() / f64::from(self.samples.max(1));
+        let variance = variance(&sum, &squares, (self.samples, self.round));
+        let errors = variance.iter().flatten().map(|variance| f64::from(*variance).sqrt()).sum::<f64>();
+        Ok(if mean > 0.0 { errors / mean } else { 0.0 })
     }
 
     /// Writes the file, whole or not at all.
@@ -139,14 +165,14 @@ impl Sums {
         let (sum, squares) = (self.layer("sum")?, self.layer("squares")?);
         let mut file = Layers::new(sum.width, sum.height);
         file.insert_image("", &mean(sum, self.samples)?)?;
-        let variance = variance(&sum.floats(), &squares.floats(), self.samples);
+        let variance = variance(&sum.floats(), &squares.floats(), (self.samples, self.round));
         for (channel, values) in ["R", "G", "B"].into_iter().zip(variance) {
             file.insert(format!("variance.{channel}"), values)?;
         }
         let pixels = sum.width as usize * sum.height as usize;
         file.insert(SAMPLES, vec![self.samples as f32; pixels])?;
         for (name, texels) in &self.layers {
-            file.insert_texels(name, &texels.floats())?;
+            file.insert_texels(&in_file(name), &texels.floats())?;
         }
         file.about.clone_from(about);
         file.about.insert(SAMPLES.to_owned(), self.samples.to_string());
@@ -155,38 +181,47 @@ impl Sums {
 
     /// Writes an AOV beside the picture.
     pub fn write_aov(&self, path: &Path, name: &str) -> anyhow::Result<()> {
-        let image = mean(self.layer(&format!("sum.{name}"))?, self.samples)?;
+        let image = match name {
+            "indirect" => {
+                let parts = [self.mean_of("direct")?, self.caustics()?];
+                let mut rest = self.mean_of("sum")?;
+                for part in &parts {
+                    let values = rest.pixels_mut().iter_mut().flatten().zip(part.pixels().iter().flatten());
+                    values.for_each(|(rest, part)| *rest -= part);
+                }
+                rest
+            }
+            "caustics" => self.caustics()?,
+            _ => self.mean_of(name)?,
+        };
         Ok(write_exr(path.with_extension(format!("{name}.exr")), &image, Precision::Float)?)
+    }
+
+    fn mean_of(&self, name: &str) -> anyhow::Result<Image> {
+        mean(self.layer(name)?, self.samples)
+    }
+
+    /// What light paths brought: nothing where there are none.
+    fn caustics(&self) -> anyhow::Result<Image> {
+        let sum = self.layer("sum")?;
+        let black = Image::filled(sum.width, sum.height, [0.0; 3]);
+        self.layer("caustics").map_or(Ok(black), |caustics| mean(caustics, self.samples))
     }
 }
 
-/// The estimated variance of each pixel's mean, (E[x²] − E[x]²) / n by colour, as if samples were independent.
-fn variance(sum: &[f32], squares: &[f32], samples: u32) -> [Vec<f32>; 3] {
+/// The estimated variance of each pixel's mean by colour, as if samples were independent: (E[x²] − E[x]²) / rounds, x
+/// being the mean of a round of samples that share light paths, or one sample.
+fn variance(sum: &[f32], squares: &[f32], (samples, round): (u32, u32)) -> [Vec<f32>; 3] {
     let n = f64::from(samples.max(1));
+    let rounds = n / f64::from(round);
     [0, 1, 2].map(|channel| {
         let values = |texels: &[f32]| texels.iter().skip(channel).step_by(4).copied().collect::<Vec<_>>();
         let of = |(sum, square): (f32, f32)| {
             let mean = f64::from(sum) / n;
-            ((f64::from(square) / n - mean * mean).max(0.0) / n) as f32
+            ((f64::from(square) / n - mean * mean).max(0.0) / rounds) as f32
         };
         values(sum).into_iter().zip(values(squares)).map(of).collect()
     })
-}
-
-/// A pixel's mean standard error, relative to the image's mean, as if samples were independent: stratified ones are better
-/// than that.
-pub fn noise(sum: &Pixels, squares: &Pixels, samples: u32) -> f64 {
-    let n = f64::from(samples);
-    let (mut errors, mut means) = (0.0, 0.0);
-    for (sum, squares) in sum.floats().chunks_exact(4).zip(squares.floats().chunks_exact(4)) {
-        for (sum, square) in sum[..3].iter().zip(&squares[..3]) {
-            let mean = f64::from(*sum) / n;
-            let variance = (f64::from(*square) / n - mean * mean).max(0.0);
-            errors += (variance / n).sqrt();
-            means += mean;
-        }
-    }
-    if means > 0.0 { errors / means } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -196,17 +231,9 @@ mod tests {
     #[test]
     fn the_variance_of_a_mean_is_what_algebra_gives() {
         // Samples 1, 2, 3, 6 have mean 3 and variance 3.5, their mean a quarter of that.
-        let [r, g, b] = variance(&[12.0, 4.0, 0.0, 4.0], &[50.0, 4.0, 0.0, 4.0], 4);
+        let [r, g, b] = variance(&[12.0, 4.0, 0.0, 4.0], &[50.0, 4.0, 0.0, 4.0], (4, 1));
         assert_eq!((r[0], g[0], b[0]), (0.875, 0.0, 0.0));
-    }
-
-    #[test]
-    fn an_unknown_aov_is_told_the_known_ones() {
-        assert_eq!(
-            first_hits(&["depth".into(), "albedo".into()]).unwrap(),
-            [FirstHit::Albedo, FirstHit::Depth]
-        );
-        let error = first_hits(&["colour".into()]).unwrap_err().to_string();
-        assert!(error.contains("colour") && error.contains("albedo, normal, depth"), "{error}");
+        // In rounds of two with the means 1.5 and 4.5: (3² + 9²) / 2 is summed up, and the variance is 2.25.
+        assert_eq!(variance(&[12.0, 0.0, 0.0, 4.0], &[45.0, 0.0, 0.0, 4.0], (4, 2))[0][0], 1.125);
     }
 }

@@ -4,8 +4,8 @@ use chiaro_scene as cs;
 use glam::{Affine3A, Vec3};
 
 /// Something that moves, with what bounds it whatever its pose.
-#[derive(Debug)]
-pub(super) struct Mover {
+#[derive(Clone, Debug)]
+pub(crate) struct Mover {
     node: cs::Id,
     // Object-space boxes: of the vertices that each joint moves; a single one where the node itself does.
     parts: Vec<Option<(Vec3, Vec3)>>,

@@ -32,7 +32,7 @@ use glam::{Affine3A, Vec3};
 use crate::shaders;
 use crate::surface::SceneGpu;
 use crate::surface::scene::{InstanceData, bending_instance_data, instance_data};
-use bounds::Mover;
+pub(crate) use bounds::Mover;
 use rest::Rest;
 
 /// See `instances.cs.wesl`.
@@ -233,6 +233,11 @@ impl SceneMotion {
         self.bounds_before = std::mem::take(&mut self.bounds);
         self.bounds = self.movers.iter().map(|mover| mover.bounds_ws(scene, pose)).collect();
         true
+    }
+
+    /// Whether anything can move or bend.
+    pub fn moves(&self) -> bool {
+        !self.rigid.is_empty() || !self.bending.is_empty()
     }
 
     /// Counts poses: two frames of the same number show the same.

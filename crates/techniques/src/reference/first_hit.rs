@@ -16,7 +16,7 @@ use chiaro_gpu::{
     TextureOptions,
 };
 
-use crate::reference::bvh::TraceScene;
+use crate::reference::bvh::{TraceFacts, TraceScene};
 use crate::shaders;
 use crate::surface::{SceneFacts, SceneGpu};
 
@@ -48,12 +48,12 @@ impl FirstHit {
     /// All.
     pub const ALL: [Self; 3] = [Self::Albedo, Self::Normal, Self::Depth];
 
-    /// The name of its sum.
+    /// The name of its sum, which is that of `--aov`.
     pub fn layer(self) -> &'static str {
         match self {
-            Self::Albedo => "sum.albedo",
-            Self::Normal => "sum.normal",
-            Self::Depth => "sum.depth",
+            Self::Albedo => "albedo",
+            Self::Normal => "normal",
+            Self::Depth => "depth",
         }
     }
 }
@@ -94,18 +94,18 @@ pub struct FirstHitTracer {
 }
 
 impl FirstHitTracer {
-    /// Compiles the pass for scenes of these facts.
+    /// Compiles the pass for scenes of these facts; `frame_layout` is one without shadow views.
     ///
     /// # Errors
     /// When the shader does not compile.
     pub fn new(
         gpu: &Gpu,
         library: &Library,
-        frame_layout: &GroupLayout,
-        scene_layout: &GroupLayout,
-        facts: SceneFacts,
+        (frame_layout, scene_layout): (&GroupLayout, &GroupLayout),
+        (facts, trees): (SceneFacts, TraceFacts),
     ) -> Result<Self, GpuError> {
-        let (shared, constants) = (&[frame_layout, scene_layout], facts.constants());
+        let shared = &[frame_layout, scene_layout];
+        let constants = [facts.constants(), trees.constants()].concat();
         let pipeline = ComputePipeline::new(gpu, library, &shaders::first_hit(), shared, &constants)?;
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let uniform =

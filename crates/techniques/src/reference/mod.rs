@@ -1,9 +1,11 @@
 //! Truth: light transport without shortcuts, on any GPU, which every real-time technique is measured against.
 //!
 //! - [`bvh`]: rays through the scene in compute; any technique may import `reference/traverse.wesl`.
-//! - [`path`]: the path tracer.
-//! - [`first_hit`]: what its camera rays meet first.
+//! - [`path`]: paths from the camera.
+//! - [`photon`]: paths from the lights, for what the former do not find.
+//! - [`first_hit`]: what paths from the camera meet first.
 
 pub mod bvh;
 pub mod first_hit;
 pub mod path;
+pub mod photon;

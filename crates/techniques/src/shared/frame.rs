@@ -135,6 +135,15 @@ pub struct FrameGroup {
 impl FrameGroup {
     /// The layout that pipelines are made against.
     pub fn layout(gpu: &Gpu) -> GroupLayout {
+        Self::layout_of(gpu, true)
+    }
+
+    /// The same without shadow views, for passes that trace rays and need the storage buffer: WebGPU guarantees eight.
+    pub fn layout_without_shadows(gpu: &Gpu) -> GroupLayout {
+        Self::layout_of(gpu, false)
+    }
+
+    fn layout_of(gpu: &Gpu, shadows: bool) -> GroupLayout {
         let all = ShaderStages::VERTEX_FRAGMENT | ShaderStages::COMPUTE;
         let shading = ShaderStages::FRAGMENT | ShaderStages::COMPUTE;
         let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
@@ -152,12 +161,12 @@ impl FrameGroup {
         let entries = [
             ("frame", all, buffer(BufferBindingType::Uniform)),
             ("lights", shading, storage),
-            ("shadow_views", shading, storage),
             ("albedo_table", shading, table),
             ("environment", shading, cube),
             ("environment_sampler", shading, BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
+            ("shadow_views", shading, storage),
         ];
-        GroupLayout::new(gpu, 0, &entries)
+        GroupLayout::new(gpu, 0, if shadows { &entries } else { &entries[..5] })
     }
 
     /// Makes the group with room for a few lights.
@@ -232,6 +241,6 @@ fn fill(
 ) -> Group {
     let (frame, lights, views, table, environment, sampler) = handles;
     let bindings: [Binding<'_>; 6] =
-        [frame.into(), lights.into(), views.into(), table.into(), environment.into(), sampler.into()];
-    layout.group(gpu, &bindings)
+        [frame.into(), lights.into(), table.into(), environment.into(), sampler.into(), views.into()];
+    layout.group(gpu, &bindings[..layout.len()])
 }

@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use chiaro::scene::{self, Environment, LightKind, Material, Scene};
-use chiaro::{PathOptions, Recorder, Reference, Renderer, View};
+use chiaro::{Recorder, Reference, ReferenceOptions, Renderer, View};
 use chiaro_image::Image;
 use chiaro_testkit::{
     Stage, Studio, assets, camera_above, device, device_guaranteed, direct, nmae, place_below, reference,
@@ -14,11 +14,11 @@ const ALBEDO: f32 = 0.6;
 const SIDE: u32 = 32;
 const HALF: f32 = 2.0;
 
-fn depth(max_depth: u32) -> PathOptions {
-    PathOptions { max_depth, seed: 1 }
+fn depth(max_depth: u32) -> ReferenceOptions {
+    ReferenceOptions { max_depth, seed: 1, ..ReferenceOptions::default() }
 }
 
-fn trace(scene: &Scene, (view, size): (&View, [u32; 2]), options: PathOptions, groups: &[u32]) -> Image {
+fn trace(scene: &Scene, (view, size): (&View, [u32; 2]), options: ReferenceOptions, groups: &[u32]) -> Image {
     Studio::new(&device_guaranteed(), direct(&[])).truth(scene, (view, size), options, groups)
 }
 
@@ -303,7 +303,7 @@ fn grouping_changes_no_bit_and_another_seed_changes_many() {
     let view = View::from_scene(&scene, 0).unwrap();
     let mut studio = Studio::new(&device_guaranteed(), direct(&[]));
     let mut image = |seed, groups: &[u32]| {
-        let options = PathOptions { max_depth: 0, seed };
+        let options = ReferenceOptions { seed, ..ReferenceOptions::default() };
         studio.truth(&scene, (&view, [48, 32]), options, groups)
     };
     let once = image(5, &[8]);
@@ -358,7 +358,7 @@ fn stopped_and_resumed_is_bit_for_bit_the_same_as_run_through() {
     assert!(error.contains("`sum` is missing"), "{error}");
 }
 
-fn assert_matches(name: &str, options: PathOptions, samples: usize, most: f64) {
+fn assert_matches(name: &str, options: ReferenceOptions, samples: usize, most: f64) {
     let Some(assets) = assets() else { return };
     let part = if options.max_depth == 2 { "direct" } else { "full" };
     let expected = reference(&assets, &format!("{name}.{part}"));

@@ -58,12 +58,13 @@ impl Emitters {
         }
     }
 
-    /// Takes a triangle if it glows.
+    /// Takes a triangle if it glows; one without area too, for it may have some in another pose.
     pub fn add_triangle(&mut self, triangle: &TriangleRef) {
         let [a, b, c] = triangle.corners;
-        let flux = PI * 0.5 * (b - a).cross(c - a).length() * self.materials[triangle.material as usize];
-        if flux > 0.0 && flux.is_finite() {
-            self.triangles.push((flux, triangle.word));
+        let glow = self.materials[triangle.material as usize];
+        let flux = PI * 0.5 * (b - a).cross(c - a).length() * glow;
+        if glow > 0.0 {
+            self.triangles.push((if flux.is_finite() { flux } else { 0.0 }, triangle.word));
         }
     }
 

@@ -20,11 +20,13 @@ use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture,
+    Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture,
     TextureOptions,
 };
+use chiaro_scene as cs;
 
-use crate::reference::bvh::TraceScene;
+use crate::reference::bvh::{TraceFacts, TraceScene};
+use crate::reference::photon::{PhotonMap, is_specular};
 use crate::shaders;
 use crate::surface::{SceneFacts, SceneGpu};
 
@@ -36,42 +38,66 @@ pub(crate) struct PathPass {
     pub first_sample: u32,
     pub sample_count: u32,
     pub max_depth: u32,
+    pub diffuse_bounces: u32,
     pub seed: u32,
-    pub reserved0: u32,
-    pub reserved1: u32,
+    pub reserved: u32,
 }
 
 /// Which paths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathOptions {
     /// Most edges of a path: 1 shows what glows, 2 direct light, 3 one bounce; 0 = no limit.
     pub max_depth: u32,
+    /// Most times that light is scattered from one surface to another; mirrors and smooth interfaces do not count.
+    pub diffuse_bounces: u32,
     /// What random numbers start from.
     pub seed: u32,
 }
 
-/// Names of an image's sums, in the order of their textures.
-const LAYERS: [&str; 2] = ["sum", "squares"];
+impl Default for PathOptions {
+    fn default() -> Self {
+        Self { max_depth: 0, diffuse_bounces: u32::MAX, seed: 0 }
+    }
+}
+
+/// Whether any surface of a scene mirrors or lets light through, so that shaders are compiled without what does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Interfaces(bool);
+
+impl Interfaces {
+    /// Looks at a scene's materials.
+    pub fn of(scene: &cs::Scene) -> Self {
+        Self(scene.materials.iter().any(|m| m.transmission > 0.0 || is_specular(scene, m)))
+    }
+
+    pub(crate) fn constant(self) -> (&'static str, f64) {
+        ("INTERFACES", f64::from(u8::from(self.0)))
+    }
+}
+
+/// Names of an image's sums, in the order of their textures; the last is there with photons alone.
+const LAYERS: [&str; 4] = ["sum", "squares", "direct", "caustics"];
 
 /// Samples of an image so far.
 #[derive(Clone, Debug)]
 pub struct PathSum {
     // Two of each layer that take turns.
-    textures: [[Texture; LAYERS.len()]; 2],
+    textures: [Vec<Texture>; 2],
     newest: usize,
     samples: u32,
 }
 
 impl PathSum {
-    /// No samples.
-    pub fn new(gpu: &Gpu, [width, height]: [u32; 2]) -> Self {
+    /// No samples; `photons`: with a layer for what light paths bring.
+    pub fn new(gpu: &Gpu, [width, height]: [u32; 2], photons: bool) -> Self {
         let usage = TextureUsages::TEXTURE_BINDING
             | TextureUsages::STORAGE_BINDING
             | TextureUsages::COPY_SRC
             | TextureUsages::COPY_DST;
         let options = TextureOptions::new(width, height, TextureFormat::Rgba32Float, usage);
-        let textures = [0, 1].map(|_| LAYERS.map(|name| Texture::new(gpu, name, Life::Kept, options)));
-        Self { textures, newest: 0, samples: 0 }
+        let names = &LAYERS[..if photons { 4 } else { 3 }];
+        let make = || names.iter().map(|name| Texture::new(gpu, name, Life::Kept, options)).collect();
+        Self { textures: [make(), make()], newest: 0, samples: 0 }
     }
 
     /// Samples a pixel.
@@ -84,7 +110,7 @@ impl PathSum {
         &self.textures[self.newest][0]
     }
 
-    /// Squares of the samples' nits, summed.
+    /// Squares of the samples' nits, summed; with photons those of whole rounds, over the samples of a round.
     pub fn squares(&self) -> &Texture {
         &self.textures[self.newest][1]
     }
@@ -108,32 +134,36 @@ pub struct PathTracer {
 }
 
 impl PathTracer {
-    /// Compiles the pass for scenes of these facts.
+    /// Compiles the pass for scenes of these facts; `frame_layout` is one without shadow views, `photons` says whether
+    /// light paths bring caustics.
     ///
     /// # Errors
     /// When the shader does not compile.
     pub fn new(
         gpu: &Gpu,
         library: &Library,
-        frame_layout: &GroupLayout,
-        scene_layout: &GroupLayout,
-        facts: SceneFacts,
+        (frame_layout, scene_layout): (&GroupLayout, &GroupLayout),
+        (facts, trees, interfaces): (SceneFacts, TraceFacts, Interfaces),
+        photons: bool,
     ) -> Result<Self, GpuError> {
-        let (shared, constants) = (&[frame_layout, scene_layout], facts.constants());
-        let pipeline = ComputePipeline::new(gpu, library, &shaders::path_trace(), shared, &constants)?;
+        let shared = &[frame_layout, scene_layout];
+        let mut constants = [facts.constants(), trees.constants()].concat();
+        constants.push(interfaces.constant());
+        let pipeline = ComputePipeline::new(gpu, library, &shaders::path_trace(photons), shared, &constants)?;
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let uniform = Buffer::new(gpu, "path_pass", Life::Frame, size_of::<PathPass>() as u64, usage);
         Ok(Self { pipeline, uniform })
     }
 
-    /// Adds `count` samples to every pixel. The frame's uniform must hold the camera without jitter.
+    /// Adds `count` samples to every pixel. The frame's uniform must hold the camera without jitter. `photons` are those
+    /// of the same samples, for a tracer and a sum with photons.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         (frame_group, scene, traced): (&Group, &SceneGpu, &TraceScene),
         options: PathOptions,
         count: u32,
-        sum: &mut PathSum,
+        (sum, photons): (&mut PathSum, Option<&PhotonMap>),
     ) {
         let size = sum.sum().options();
         let size_px = [size.width, size.height];
@@ -142,19 +172,20 @@ impl PathTracer {
             first_sample: sum.samples,
             sample_count: count,
             max_depth: options.max_depth,
+            diffuse_bounces: options.diffuse_bounces,
             seed: options.seed,
-            ..PathPass::zeroed()
+            reserved: 0,
         };
         frame.upload(&self.uniform, &[pass]);
         let [before, after] = [sum.newest, 1 - sum.newest].map(|i| &sum.textures[i]);
-        let binds = [
-            ("path_pass", (&self.uniform).into()),
-            ("sum_before", (&before[0]).into()),
-            ("squares_before", (&before[1]).into()),
-            ("tracer", (&traced.words).into()),
-            ("sum", (&after[0]).into()),
-            ("squares", (&after[1]).into()),
-        ];
+        let names = ["sum_before", "squares_before", "direct_before", "caustics_before"];
+        let mut binds: Vec<Bind<'_>> =
+            vec![("path_pass", (&self.uniform).into()), ("tracer", (&traced.words).into())];
+        binds.extend(names.into_iter().zip(before.iter().map(Into::into)));
+        binds.extend(LAYERS.into_iter().zip(after.iter().map(Into::into)));
+        if let Some(map) = photons {
+            binds.extend([("photon_pass", (&map.uniform).into()), ("photon_map", (&map.words).into())]);
+        }
         let pixels = Dispatch::Threads([size_px[0], size_px[1], 1]);
         frame.compute("reference/path", &self.pipeline, &[frame_group, scene.group()], &binds, pixels);
         sum.newest = 1 - sum.newest;

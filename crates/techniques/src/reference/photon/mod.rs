@@ -1,0 +1,253 @@
+//! Light paths: what no path from the camera finds, light of lamps without extent that mirrors and glass gather.
+//!
+//! Paths start at the emitters, by flux. At every surface that scatters they are connected with the camera (Dutré,
+//! Lafortune & Willems 1993), which is exact and brings the picture all that is seen directly. What the camera sees in
+//! mirrors or through glass cannot be connected: there, each lane leaves one of its photons in a hash grid (Hachisuka &
+//! Jensen 2010), and the path tracer's paths gather those within a radius that shrinks from round to round (Knaus &
+//! Zwicker 2011, "Progressive Photon Mapping: A Probabilistic Approach"), so that the estimate converges.
+//!
+//! Alone ([`PhotonPass::caustics_only`] 0) the light paths make the whole picture of surfaces that scatter; mirrors and
+//! glass stay black. Beside the path tracer they bring just the paths that leave mirrors and smooth interfaces for a
+//! surface that scatters, and the path tracer leaves those out: nothing counts twice.
+//!
+//! | input | output | format | unit |
+//! | --- | --- | --- | --- |
+//! | frame, scene groups, `tracer` | splats, hash grid, photons in one buffer, see `map.wesl` | words | nits, lm |
+//!
+//! Bias: photons gathered are blurred by their radius, which the pixel's footprint bounds and which falls with the sixth
+//! root of the rounds. A splat counts up to 2²² times what a white surface under the brightest light shows. Bent normals
+//! are corrected for as Veach (1997, §5.3.2) says, clamped where they graze.
+//!
+//! Limits: 64 bytes a pixel and a light path; larger pictures have fewer light paths than pixels.
+
+use std::f32::consts::PI;
+
+use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::shader::Library;
+use chiaro_gpu::wgpu::BufferUsages;
+use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life};
+use chiaro_scene as cs;
+use glam::Vec3;
+
+use crate::reference::bvh::{TraceFacts, TraceScene};
+use crate::reference::path::Interfaces;
+use crate::shaders;
+use crate::surface::{SceneFacts, SceneGpu};
+
+/// Twin of `PhotonPass` in `map.wesl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct PhotonPass {
+    pub scene_lo: [f32; 3],
+    pub lanes: u32,
+    pub scene_hi: [f32; 3],
+    pub paths: u32,
+    pub target_lo: [f32; 3],
+    pub cells: u32,
+    pub target_hi: [f32; 3],
+    pub first_path: u32,
+    pub size_px: [u32; 2],
+    pub max_depth: u32,
+    pub diffuse_bounces: u32,
+    pub seed: u32,
+    pub caustics_only: u32,
+    pub pixel_m2: f32,
+    pub step: f32,
+    pub radius_m: f32,
+    pub shrunk: f32,
+    pub footprint: f32,
+    pub share: f32,
+}
+
+/// Words of a pixel's splats, of a cell, and of a photon.
+const SPLAT_WORDS: u64 = 6;
+const CELL_WORDS: u64 = 2;
+const PHOTON_WORDS: u64 = 8;
+/// Fewer lanes than this are not worth a dispatch.
+const LEAST_LANES: u64 = 1 << 12;
+/// The first round's largest radius, as a part of the scene's diagonal.
+const RADIUS: f32 = 1.0 / 200.0;
+/// The first round's radius in pixels.
+const RADIUS_PX: f32 = 3.0;
+/// How much of a round's photons the next keeps (Knaus & Zwicker 2011, eq. 15).
+const KEPT: f64 = 2.0 / 3.0;
+/// Steps of a splat in the radiance of a white surface under the brightest light.
+const STEPS: f32 = (1u32 << 28) as f32;
+/// Twin of `SMOOTH` in `path/bsdf.wesl`.
+const SMOOTH: f32 = 0.01;
+
+/// Where and how bright light paths are, of one view of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct PhotonView {
+    /// Pixels.
+    pub size_px: [u32; 2],
+    /// Of a pixel one metre ahead on the camera's axis, m²; of an orthographic camera's pixel.
+    pub pixel_m2: f32,
+    /// Radiance of a white surface under the brightest light, nits.
+    pub typical_nits: f32,
+    /// World-space bounds of the scene, m.
+    pub bounds_ws: (Vec3, Vec3),
+    /// Bounds of what mirrors or refracts, m; `None` if nothing does.
+    pub specular_ws: Option<(Vec3, Vec3)>,
+}
+
+/// World-space bounds of what mirrors exactly or refracts without blur, m.
+pub fn specular_bounds(scene: &cs::Scene, pose: &cs::Pose) -> Option<(Vec3, Vec3)> {
+    let specular: Vec<_> = scene.materials.iter().map(|material| is_specular(scene, material)).collect();
+    scene.bounds_of(pose, |material| specular[material])
+}
+
+/// Whether a material mirrors exactly or lets light through without blur somewhere.
+pub(crate) fn is_specular(scene: &cs::Scene, material: &cs::Material) -> bool {
+    let reflects = material.metallic > 0.0 || material.specular > 0.0 || material.transmission > 0.0;
+    if material.reflection != cs::Reflection::MetallicRoughness || !reflects {
+        return false;
+    }
+    // The smoothest texel decides.
+    let texture = material.metallic_roughness_texture.as_ref();
+    let least = texture.map_or(1.0, |reference| {
+        let image = &scene.images[scene.textures[reference.texture].image];
+        f32::from(image.rgba.chunks_exact(4).map(|texel| texel[1]).min().unwrap_or(255)) / 255.0
+    });
+    material.roughness * least < SMOOTH
+}
+
+/// What light paths leave behind.
+#[derive(Clone, Debug)]
+pub struct PhotonMap {
+    pub(crate) words: Buffer,
+    pub(crate) uniform: Buffer,
+    /// Of the size that it was made for.
+    pub view: PhotonView,
+    lanes: u32,
+    cells: u32,
+}
+
+impl PhotonMap {
+    /// Room for the splats of a picture, and for as many light paths as it has pixels, or as fit.
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`] when the picture has too many pixels for the adapter.
+    pub fn new(gpu: &Gpu, view: PhotonView) -> Result<Self, GpuError> {
+        let pixels = u64::from(view.size_px[0]) * u64::from(view.size_px[1]);
+        let bytes =
+            |lanes: u64| 4 * (SPLAT_WORDS * pixels + CELL_WORDS * cells(lanes) + PHOTON_WORDS * lanes);
+        let limit = gpu.limits.max_storage_buffer_binding_size;
+        let mut lanes = pixels.clamp(LEAST_LANES, 1 << 22);
+        while bytes(lanes) > limit && lanes > LEAST_LANES {
+            lanes /= 2;
+        }
+        if bytes(lanes) > limit {
+            return Err(GpuError::TooLarge {
+                what: "the light paths of so large a picture".into(),
+                needed: bytes(lanes),
+                limit,
+                unit: "bytes",
+                advice: "render it smaller",
+            });
+        }
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let words = Buffer::new(gpu, "photons", Life::Frame, bytes(lanes), usage);
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let uniform = Buffer::new(gpu, "photon_pass", Life::Frame, size_of::<PhotonPass>() as u64, usage);
+        Ok(Self { words, uniform, view, lanes: lanes as u32, cells: cells(lanes) as u32 })
+    }
+
+    /// Light paths for each sample of the picture.
+    pub fn lanes(&self) -> u32 {
+        self.lanes
+    }
+}
+
+fn cells(lanes: u64) -> u64 {
+    lanes.next_power_of_two()
+}
+
+/// Which light paths.
+#[derive(Clone, Copy, Debug)]
+pub struct PhotonOptions {
+    /// Most edges of a path; 0 = no limit.
+    pub max_depth: u32,
+    /// Most times that light is scattered from one surface to another.
+    pub diffuse_bounces: u32,
+    /// What random numbers start from.
+    pub seed: u32,
+    /// Only those that a path tracer beside them leaves out.
+    pub caustics_only: bool,
+}
+
+/// The pass.
+#[derive(Debug)]
+pub struct PhotonTracer {
+    pipeline: ComputePipeline,
+}
+
+impl PhotonTracer {
+    /// Compiles the pass for scenes of these facts; `frame_layout` is one without shadow views.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn new(
+        gpu: &Gpu,
+        library: &Library,
+        (frame_layout, scene_layout): (&GroupLayout, &GroupLayout),
+        (facts, trees, interfaces): (SceneFacts, TraceFacts, Interfaces),
+    ) -> Result<Self, GpuError> {
+        let shared = &[frame_layout, scene_layout];
+        let mut constants = [facts.constants(), trees.constants()].concat();
+        constants.push(interfaces.constant());
+        let pipeline = ComputePipeline::new(gpu, library, &shaders::photon_trace(), shared, &constants)?;
+        Ok(Self { pipeline })
+    }
+
+    /// Traces a round: the light paths of samples `first..first + samples`. `map` holds them alone afterwards.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        (frame_group, scene, traced): (&Group, &SceneGpu, &TraceScene),
+        options: PhotonOptions,
+        (first, samples): (u32, u32),
+        map: &PhotonMap,
+    ) {
+        let PhotonView { size_px, pixel_m2, typical_nits, bounds_ws: (lo, hi), .. } = map.view;
+        let (target_lo, target_hi) = map.view.specular_ws.unwrap_or((lo, hi));
+        let round = f64::from(first / samples.max(1));
+        // A radius' square falls like the product of (k + kept) / (k + 1), which goes as this power.
+        let shrunk = (round + 1.0).powf(0.5 * (KEPT - 1.0)) as f32;
+        let pass = PhotonPass {
+            scene_lo: lo.to_array(),
+            scene_hi: hi.to_array(),
+            target_lo: target_lo.to_array(),
+            target_hi: target_hi.to_array(),
+            lanes: map.lanes,
+            paths: samples,
+            cells: map.cells,
+            first_path: first.wrapping_mul(map.lanes),
+            size_px,
+            max_depth: options.max_depth,
+            diffuse_bounces: options.diffuse_bounces,
+            // Another sequence each time that the numbers of paths begin anew.
+            seed: options
+                .seed
+                .wrapping_add((u64::from(first) * u64::from(map.lanes) >> 32) as u32 * 0x9e37_79b9),
+            caustics_only: u32::from(options.caustics_only),
+            pixel_m2,
+            step: typical_nits / STEPS,
+            radius_m: RADIUS * (hi - lo).length().max(1e-6) * shrunk,
+            shrunk,
+            footprint: RADIUS_PX * (pixel_m2 / PI).sqrt(),
+            share: 1.0 / (map.lanes as f32 * samples as f32),
+        };
+        frame.clear(&map.words);
+        frame.upload(&map.uniform, &[pass]);
+        let binds = [
+            ("photon_pass", (&map.uniform).into()),
+            ("tracer", (&traced.words).into()),
+            ("photons", (&map.words).into()),
+        ];
+        let groups = map.lanes.div_ceil(64);
+        let rows = groups.div_ceil(65_535);
+        let groups = Dispatch::Groups([groups.div_ceil(rows), rows, 1]);
+        frame.compute("reference/photons", &self.pipeline, &[frame_group, scene.group()], &binds, groups);
+    }
+}
