@@ -221,7 +221,7 @@ fn aovs_are_those_of_the_pictures() {
 fn light_paths_are_resumed_and_told_apart_too() {
     let (through, resumed) = (scratch("full_through.exr"), scratch("full_resumed.exr"));
     let trace = |path: &Path, more: &[&str]| {
-        let scene = ["reference", "builtin:ring", "--size", "40x30", "--integrator", "full"];
+        let scene = ["reference", "builtin:ball", "--size", "24x18", "--integrator", "full"];
         let aovs = ["--aov", "direct", "--aov", "indirect", "--aov", "caustics"];
         let output = ["-o", path.to_str().unwrap()];
         let output = command(&[&scene, &aovs[..], &output, more].concat()).output().unwrap();
@@ -238,7 +238,7 @@ fn light_paths_are_resumed_and_told_apart_too() {
     let parts = ["direct", "indirect", "caustics"]
         .map(|aov| read(through.with_extension(format!("{aov}.exr"))).unwrap());
     assert!(parts.iter().all(|part| part.pixels().iter().flatten().any(|value| *value > 0.0)));
-    let together = Image::from_fn(40, 30, |x, y| {
+    let together = Image::from_fn(24, 18, |x, y| {
         let [a, b, c] = [0, 1, 2].map(|part| parts[part].pixel(x, y));
         [0, 1, 2].map(|i| a[i] + b[i] + c[i])
     });
