@@ -6,6 +6,7 @@ mod brdf_sample;
 mod culling;
 mod environment;
 mod goldens;
+mod light_paths;
 mod lights;
 mod motion;
 mod pipelines;

@@ -29,7 +29,7 @@ struct Ray {
 fn shoot(gpu: &Gpu, scene: &Scene, rays: &[Ray]) -> Vec<[f32; 4]> {
     let bench = Bench::new(gpu);
     let loaded = SceneGpu::upload(gpu, &bench.scene_layout, scene).unwrap();
-    let traced = TraceData::build(scene).upload(gpu).unwrap();
+    let traced = TraceData::build(scene, &scene.pose(0.0)).upload(gpu).unwrap();
     let library = shaders::library().with(&[("tests/rays.cs.wesl", include_str!("wesl/rays.cs.wesl"))]);
     let layouts = [&bench.frame_layout, &bench.scene_layout];
     let constants = loaded.facts.constants();

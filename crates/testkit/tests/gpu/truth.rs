@@ -18,7 +18,12 @@ fn depth(max_depth: u32) -> ReferenceOptions {
     ReferenceOptions { max_depth, seed: 1, ..ReferenceOptions::default() }
 }
 
-fn trace(scene: &Scene, (view, size): (&View, [u32; 2]), options: ReferenceOptions, groups: &[u32]) -> Image {
+pub(crate) fn trace(
+    scene: &Scene,
+    (view, size): (&View, [u32; 2]),
+    options: ReferenceOptions,
+    groups: &[u32],
+) -> Image {
     Studio::new(&device_guaranteed(), direct(&[])).truth(scene, (view, size), options, groups)
 }
 
@@ -40,7 +45,7 @@ fn assert_floor(image: &Image, tolerance: f32, nits: impl Fn(Vec3) -> f32) {
     }
 }
 
-fn mean(image: &Image, of: impl Fn(u32, u32) -> bool) -> f32 {
+pub(crate) fn mean(image: &Image, of: impl Fn(u32, u32) -> bool) -> f32 {
     let (width, height) = image.size();
     let pixels = (0..width * height).map(|i| (i % width, i / width)).filter(|&(x, y)| of(x, y));
     let values: Vec<_> = pixels.map(|(x, y)| f64::from(image.pixel(x, y)[1])).collect();
@@ -144,7 +149,7 @@ fn light_bounces_once_between_two_patches_as_their_form_factor_says() {
     assert!((found / expected - 1.0).abs() < 0.01, "{found} is not {expected}");
 }
 
-fn environment(nits: impl Fn(u32, u32) -> f32) -> Environment {
+pub(crate) fn environment(nits: impl Fn(u32, u32) -> f32) -> Environment {
     let (width, height) = (128, 64);
     let texels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     let radiance = texels.map(|(x, y)| Vec3::splat(nits(x, y))).collect();
@@ -216,7 +221,7 @@ fn a_bright_texel_of_the_environment_lights_like_its_solid_angle() {
 }
 
 /// Share of unpolarised light that an interface reflects.
-fn fresnel(cosine: f32, ior: f32) -> f32 {
+pub(crate) fn fresnel(cosine: f32, ior: f32) -> f32 {
     let t = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).sqrt();
     let s = (cosine - ior * t) / (cosine + ior * t);
     let p = (ior * cosine - t) / (ior * cosine + t);
