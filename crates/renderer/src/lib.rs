@@ -42,7 +42,7 @@ pub use error::Error;
 pub use loaded::LoadedScene;
 pub use pipelines::FrameOutputs;
 pub use plan::{Built, Kit, Plan};
-pub use reference::{Integrator, Reference, ReferenceOptions};
+pub use reference::{FirstHit, Integrator, Reference, ReferenceOptions};
 pub use renderer::Renderer;
 pub use settings::{Pipeline, Settings};
 pub use still::{Jitter, Still, StillOptions};

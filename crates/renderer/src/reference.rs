@@ -5,12 +5,15 @@ use chiaro_gpu::{Frame, Gpu, Readback, Texture, wgpu};
 use chiaro_scene::Scene;
 use chiaro_techniques::motion::Motion;
 use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceScene};
+use chiaro_techniques::reference::first_hit::{FirstHitSum, FirstHitTracer};
 use chiaro_techniques::reference::path::{Interfaces, PathOptions, PathSum, PathTracer};
 use chiaro_techniques::reference::photon::{
     PhotonMap, PhotonOptions, PhotonTracer, PhotonView, specular_bounds,
 };
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup, LightData};
 use glam::Vec2;
+
+pub use chiaro_techniques::reference::first_hit::FirstHit;
 
 use crate::loaded::WHITE_STORED;
 use crate::{Error, Kit, LoadedScene, Settings, View};
@@ -62,6 +65,8 @@ pub struct Reference {
     photons: Option<(PhotonTracer, PhotonMap)>,
     following: Option<Following>,
     sum: PathSum,
+    observer: Option<FirstHitTracer>,
+    observed: Vec<FirstHitSum>,
     options: ReferenceOptions,
 }
 
@@ -113,7 +118,33 @@ impl Reference {
         write_frame(gpu, &frame_group, loaded, &frame_data(loaded, settings, view, size_px));
         let sum = PathSum::new(gpu, size_px, needed);
         gpu.check()?;
-        Ok(Self { kit: kit.clone(), frame_group, traced, tracer, photons, following, sum, options })
+        Ok(Self {
+            kit: kit.clone(),
+            frame_group,
+            traced,
+            tracer,
+            photons,
+            following,
+            sum,
+            observer: None,
+            observed: Vec::new(),
+            options,
+        })
+    }
+
+    /// Sums up these quantities, too, in layers of the name [`FirstHit::layer`]. To be said before the first sample.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn observe(&mut self, loaded: &LoadedScene, wanted: &[FirstHit]) -> Result<(), Error> {
+        let Kit { gpu, library, scene_layout, .. } = &self.kit;
+        let frame_layout = FrameGroup::layout_without_shadows(gpu);
+        let facts = (loaded.gpu.facts, self.traced.facts);
+        self.observer = Some(FirstHitTracer::new(gpu, library, (&frame_layout, scene_layout), facts)?);
+        let size = self.sum.sum().options();
+        let size_px = [size.width, size.height];
+        self.observed = wanted.iter().map(|&what| FirstHitSum::new(gpu, size_px, what)).collect();
+        Ok(())
     }
 
     /// Starts the image again where the scene and the camera are now: `loaded` has taken another pose since. The trees
@@ -171,16 +202,18 @@ impl Reference {
             None => count.max(1),
         };
         for first in (0..count).step_by(each as usize) {
-            match &self.photons {
-                Some((tracer, map)) => {
-                    tracer.record(frame, scene, light, (self.sum.samples(), each), map);
-                    self.tracer.record(frame, scene, path, each, (&mut self.sum, Some(map)));
-                }
-                None => {
-                    let now = each.min(count - first);
-                    self.tracer.record(frame, scene, path, now, (&mut self.sum, None));
+            let now = if self.photons.is_some() { each } else { each.min(count - first) };
+            let samples = (self.sum.samples(), now);
+            if let Some(observer) = &self.observer {
+                for sum in &mut self.observed {
+                    observer.record(frame, scene, seed, samples, sum);
                 }
             }
+            let map = self.photons.as_ref().map(|(tracer, map)| {
+                tracer.record(frame, scene, light, samples, map);
+                map
+            });
+            self.tracer.record(frame, scene, path, now, (&mut self.sum, map));
         }
     }
 
@@ -207,7 +240,7 @@ impl Reference {
 
     /// Everything that samples are added to, by names that stay: Rgba32Float, summed over samples.
     pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture)> {
-        self.sum.layers()
+        self.sum.layers().chain(self.observed.iter().map(|sum| (sum.what.layer(), sum.texture())))
     }
 
     /// A read-back of each of [`Reference::layers`]: all that [`Reference::restore`] needs.

@@ -7,6 +7,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
 use crate::reference::bvh::refit::{NodeBox, RefitJob};
+use crate::reference::first_hit::FirstHitPass;
 use crate::reference::path::PathPass;
 use crate::reference::photon::PhotonPass;
 use crate::shaders;
@@ -185,6 +186,18 @@ fn rust_structs_equal_their_wesl_twins() {
         diffuse_bounces,
         seed,
         reserved,
+    );
+    same!(
+        &linked("reference/first_hit.cs.wesl"),
+        FirstHitPass,
+        "FirstHitPass",
+        size_px,
+        first_sample,
+        sample_count,
+        what,
+        seed,
+        reserved0,
+        reserved1,
     );
     same!(
         &linked("reference/photon/trace.cs.wesl"),
