@@ -7,6 +7,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
 use crate::reference::path::PathPass;
+use crate::reference::path::noise::NoiseInput;
 use crate::shaders;
 use crate::shadow::DrawView;
 use crate::shadow::cascades::SunFit;
@@ -181,9 +182,10 @@ fn rust_structs_equal_their_wesl_twins() {
         sample_count,
         max_depth,
         seed,
-        reserved0,
-        reserved1,
+        first_row,
+        rows,
     );
+    same!(&linked("reference/path/noise.cs.wesl"), NoiseInput, "NoiseInput", size_px, samples, step_px,);
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
     same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags, hole);
     let instances = &linked("motion/instances.cs.wesl");

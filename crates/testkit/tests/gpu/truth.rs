@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use chiaro::scene::{self, Environment, LightKind, Material, Scene};
-use chiaro::{PathOptions, View};
+use chiaro::{PathOptions, Recorder, Reference, View};
 use chiaro_image::Image;
 use chiaro_testkit::{
     Stage, Studio, assets, camera_above, device, device_guaranteed, direct, nmae, place_below, reference,
@@ -309,6 +309,42 @@ fn grouping_changes_no_bit_and_another_seed_changes_many() {
     let once = image(5, &[8]);
     assert_eq!(once.pixels(), image(5, &[1, 3, 4]).pixels());
     assert!(nmae(&image(6, &[8]), &once) > 0.01);
+}
+
+#[test]
+fn rows_traced_one_band_at_a_time_and_a_restart_change_no_bit() {
+    let mut scene = scene::load("builtin:cornell").unwrap();
+    scene.add_default_view();
+    let view = View::from_scene(&scene, 0).unwrap();
+    let elsewhere = View::look_at(Vec3::new(0.3, 1.2, 2.0), Vec3::Y, 0.9, 0.01);
+    let (gpu, size, options) = (device_guaranteed(), [48, 37], PathOptions { max_depth: 0, seed: 5 });
+    let mut studio = Studio::new(&gpu, direct(&[]));
+    let once = studio.truth(&scene, (&view, size), options, &[6]);
+    let loaded = studio.load(&scene);
+    let (kit, settings) = (studio.renderer.kit(), studio.renderer.settings());
+    let mut reference =
+        Reference::new(kit, (&scene, &loaded), settings, (&elsewhere, size), options).unwrap();
+    let mut recorder = Recorder::new(&gpu, false);
+    let mut refine = |reference: &mut Reference, work: u64, most: u32| {
+        let mut frame = recorder.begin();
+        let recorded = reference.refine(&mut frame, &loaded, work, most);
+        frame.submit();
+        recorded
+    };
+    // Left in the middle of a pass.
+    refine(&mut reference, 1, 9);
+    assert!(reference.samples() == 0 && reference.under_way() > 0.0);
+    reference.restart(&loaded, settings, (&view, size), options);
+    assert!(reference.under_way() == 0.0);
+    let all = u64::from(6 * size[0] * size[1]);
+    let mut traced = 0;
+    for work in [1, 500, 700, 5000, 1, u64::MAX, 7, 7] {
+        traced += refine(&mut reference, work, 6);
+    }
+    assert_eq!((traced, reference.samples()), (all, 6), "more or less was traced than was asked for");
+    let pixels = reference.sum().unwrap().wait(&gpu).unwrap();
+    let means = pixels.floats().chunks_exact(4).map(|p| [0, 1, 2].map(|i| p[i] / 6.0)).collect::<Vec<_>>();
+    assert!(means == once.pixels(), "the image is another");
 }
 
 fn assert_matches(name: &str, options: PathOptions, samples: usize, most: f64) {

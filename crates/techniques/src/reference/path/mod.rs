@@ -12,9 +12,13 @@
 //! | | squares | Rgba32Float | their squares, nits² |
 //!
 //! Limits: blended surfaces are cut at half coverage; no dispersion; rough interfaces pass no light of point-like
-//! lights. Samples are independent of how they are grouped: the same seed gives the same image, bit for bit.
+//! lights. Samples are independent of how they are grouped and of which rows are traced together: the same seed
+//! gives the same image, bit for bit.
 
 pub(crate) mod emitters;
+pub(crate) mod noise;
+
+pub use noise::PathNoise;
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
@@ -37,8 +41,8 @@ pub(crate) struct PathPass {
     pub sample_count: u32,
     pub max_depth: u32,
     pub seed: u32,
-    pub reserved0: u32,
-    pub reserved1: u32,
+    pub first_row: u32,
+    pub rows: u32,
 }
 
 /// Which paths.
@@ -57,6 +61,9 @@ pub struct PathSum {
     textures: [[Texture; 2]; 2],
     newest: usize,
     samples: u32,
+    // Of the pass under way: rows that have its samples, and how many those are.
+    rows_done: u32,
+    under_way: u32,
 }
 
 impl PathSum {
@@ -66,12 +73,28 @@ impl PathSum {
         let options = TextureOptions::new(width, height, TextureFormat::Rgba32Float, usage);
         let make = |name| Texture::new(gpu, name, Life::Kept, options);
         let textures = [0, 1].map(|_| [make("path_sum"), make("path_squares")]);
-        Self { textures, newest: 0, samples: 0 }
+        Self { textures, newest: 0, samples: 0, rows_done: 0, under_way: 0 }
     }
 
-    /// Samples a pixel.
+    /// Forgets all samples, in the same textures.
+    pub fn restart(&mut self) {
+        (self.samples, self.rows_done) = (0, 0);
+    }
+
+    /// Width and height.
+    pub fn size_px(&self) -> [u32; 2] {
+        let options = self.sum().options();
+        [options.width, options.height]
+    }
+
+    /// Samples that every pixel has.
     pub fn samples(&self) -> u32 {
         self.samples
+    }
+
+    /// Rows from the top that have more samples already, and how many; what can be read is without them.
+    pub fn rows_ahead(&self) -> (u32, u32) {
+        (self.rows_done, if self.rows_done > 0 { self.under_way } else { 0 })
     }
 
     /// Nits summed over samples, and coverage by surfaces in alpha.
@@ -111,24 +134,30 @@ impl PathTracer {
         Ok(Self { pipeline, uniform })
     }
 
-    /// Adds `count` samples to every pixel. The frame's uniform must hold the camera without jitter.
+    /// Adds `count` samples to the pixels of the next `rows` rows, from the top on; a pass over the image that is under way
+    /// goes on with the count that it began with. The frame's uniform must hold the camera without jitter.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         (frame_group, scene, traced): (&Group, &SceneGpu, &TraceScene),
         options: PathOptions,
-        count: u32,
+        (count, rows): (u32, u32),
         sum: &mut PathSum,
     ) {
-        let size = sum.sum().options();
-        let size_px = [size.width, size.height];
+        let size_px = sum.size_px();
+        let first_row = sum.rows_done;
+        let rows = rows.clamp(1, size_px[1] - first_row);
+        if first_row == 0 {
+            sum.under_way = count;
+        }
         let pass = PathPass {
             size_px,
             first_sample: sum.samples,
-            sample_count: count,
+            sample_count: sum.under_way,
             max_depth: options.max_depth,
             seed: options.seed,
-            ..PathPass::zeroed()
+            first_row,
+            rows,
         };
         frame.upload(&self.uniform, &[pass]);
         let [before, after] = [sum.newest, 1 - sum.newest].map(|i| &sum.textures[i]);
@@ -140,9 +169,13 @@ impl PathTracer {
             ("sum", (&after[0]).into()),
             ("squares", (&after[1]).into()),
         ];
-        let pixels = Dispatch::Threads([size_px[0], size_px[1], 1]);
+        let pixels = Dispatch::Threads([size_px[0], rows, 1]);
         frame.compute("reference/path", &self.pipeline, &[frame_group, scene.group()], &binds, pixels);
-        sum.newest = 1 - sum.newest;
-        sum.samples += count;
+        sum.rows_done += rows;
+        if sum.rows_done == size_px[1] {
+            sum.newest = 1 - sum.newest;
+            sum.samples += sum.under_way;
+            sum.rows_done = 0;
+        }
     }
 }
