@@ -287,9 +287,9 @@ impl Truth {
         self.noise.record(frame, &tracer.reference, self.most_samples);
     }
 
-    /// To be called after the frame with [`Truth::record`] was submitted.
-    pub fn submitted(&mut self) {
-        self.pace.submitted(&self.gpu);
+    /// To be called after the frame with [`Truth::record`] was submitted. `alone`: there was nothing else in it.
+    pub fn submitted(&mut self, alone: bool) {
+        self.pace.submitted(&self.gpu, alone);
         if let Some(tracer) = &self.tracer {
             self.noise.submitted(&self.gpu, &tracer.reference);
         }
@@ -336,6 +336,8 @@ struct Pace {
     recorded: u64,
     budget: Duration,
     in_flight: bool,
+    // What else is in flight says nothing of this work's speed.
+    alone: bool,
     // Nanoseconds that the work in flight took; 0 = it is not done.
     took: Arc<AtomicU64>,
 }
@@ -350,7 +352,7 @@ impl Pace {
     fn new(is_software: bool) -> Self {
         let kind = usize::from(is_software);
         let (work, budget) = (FIRST_WORK[kind], BUDGET[kind]);
-        Self { work, recorded: 0, budget, in_flight: false, took: Arc::default() }
+        Self { work, recorded: 0, budget, in_flight: false, alone: false, took: Arc::default() }
     }
 
     fn is_ready(&mut self) -> bool {
@@ -360,7 +362,9 @@ impl Pace {
                 return false;
             }
             self.in_flight = false;
-            self.learn(Duration::from_nanos(took));
+            if self.alone {
+                self.learn(Duration::from_nanos(took));
+            }
         }
         true
     }
@@ -379,9 +383,9 @@ impl Pace {
         self.recorded = work;
     }
 
-    fn submitted(&mut self, gpu: &Gpu) {
+    fn submitted(&mut self, gpu: &Gpu, alone: bool) {
         let (begun, took) = (Instant::now(), self.took.clone());
-        self.in_flight = true;
+        (self.in_flight, self.alone) = (true, alone);
         gpu.queue.on_submitted_work_done(move || {
             took.store((begun.elapsed().as_nanos() as u64).max(1), Ordering::Release);
         });

@@ -659,13 +659,16 @@ impl Viewer {
         }
         let now = (self.playback.time_s, shown);
         let compare = self.panel.compare;
-        let draws = self.picture.wants_frame(engine, stage, &view, now) || self.panel.continuous;
+        let draws = self.picture.wants_frame(engine, stage, &view, now);
         self.truth.settle(engine, stage, compare != Compare::Off);
         if compare != Compare::Off {
             self.truth.aim(engine.renderer.settings(), stage, (&view, size_px));
         }
         let wanted = compare != Compare::Off && self.truth.wants_samples();
         let refines = wanted && self.truth.is_ready(self.picture.moves());
+        // At rest the two take turns: a slow frame would starve the truth.
+        let waits = wanted && !self.picture.moves() && self.truth.samples() < self.picture.frames();
+        let draws = draws && !waits || self.panel.continuous;
         let shows = |truth: &Truth| {
             let first_column = compare.first_column(self.panel.divider, size_px[0])?;
             Some(Shows { first_column, samples: truth.sum()?.1 })
@@ -691,7 +694,7 @@ impl Viewer {
         }
         frame.submit();
         if refines {
-            self.truth.submitted();
+            self.truth.submitted(!draws);
         }
         for timings in self.recorder.take_timings() {
             self.timings.gpu_took(&timings);

@@ -3,7 +3,6 @@
 use egui::{RichText, Ui};
 
 use crate::picture::REST_FRAMES;
-use crate::truth::Compare;
 use crate::viewer::Viewer;
 
 impl Viewer {
@@ -30,12 +29,6 @@ impl Viewer {
                 };
                 ui.label(text).on_hover_text(
                     "Frames averaged since the camera, the scene and the settings came to rest",
-                );
-                ui.separator();
-            }
-            if self.panel.compare != Compare::Off {
-                ui.label(self.truth_text()).on_hover_text(
-                    "Samples of each pixel since the camera, the scene and the settings came to rest",
                 );
                 ui.separator();
             }
