@@ -31,6 +31,7 @@ impl Compare {
         [(Self::Off, "off"), (Self::Split, "split"), (Self::Truth, "path traced")];
 
     /// What follows when one key steps through them.
+    #[must_use]
     pub fn next(self) -> Self {
         match self {
             Self::Off => Self::Split,

@@ -71,7 +71,7 @@ fn a_split_picture_is_one_mode_left_and_the_other_right_of_the_divider() {
     let split = picture(&mut driver, Compare::Split, 3);
     let column = driver.viewer.truth_column().unwrap();
     let off = picture(&mut driver, Compare::Off, 3);
-    assert_eq!(column, (off.width + 1) / 2);
+    assert_eq!(column, off.width.div_ceil(2));
     assert_split(&split, (&off, &truth), column);
     assert!(off.bytes != truth.bytes);
 
