@@ -31,8 +31,9 @@ mod still;
 mod view;
 
 pub use chiaro_gpu::{
-    AdapterChoice, Frame, FrameTimings, Gpu, GpuError, GpuOptions, LimitChoice, OptionalFeatures, PassLog,
-    PassTiming, Pixels, Readback, Recorder, Texture, TexturePool, shader::Library, wgpu,
+    AdapterChoice, BufferReadback, Frame, FrameTimings, Gpu, GpuError, GpuOptions, LimitChoice,
+    OptionalFeatures, PassLog, PassTiming, Pixels, Readback, Recorder, Texture, TexturePool, shader::Library,
+    wgpu,
 };
 pub use chiaro_scene as scene;
 pub use chiaro_techniques as techniques;
