@@ -43,20 +43,22 @@ Examples:
 
 H shows the keys. Scene files can be dropped onto the window.")]
     View(ViewArgs),
-    /// Path trace a scene: the truth that real-time pictures are measured against
+    /// Trace a scene's light: the truth that real-time pictures are measured against
     #[command(after_help = "\
 Examples:
   chiaro reference builtin:cornell --spp 256 -o cornell.exr
   chiaro reference room.glb --camera 1 --max-depth 3 --spp 64 -o room.bounce1.exr
   chiaro reference room.glb --target-error 0.5% --time-limit 3600 --resume -o room.exr
+  chiaro reference builtin:pool --integrator full --spp 256 -o pool.exr
 
 The goal that comes first ends the render. Ctrl-C stops it, too, and nothing is lost: the file holds
 all samples so far (and is written about every minute), and --resume goes on from it. Beside the
 picture (R, G, B in nits) the EXR has the layers variance (of each pixel's mean, nits^2), samples,
 and the sums to go on from.
 
-No paths are found from lights without extent over mirrors or through glass to a surface (caustics);
-blended surfaces are cut at half coverage. What moves stands still while it is traced.")]
+Paths from the camera alone find no light of lamps without extent that mirrors or smooth glass send
+on to a surface (caustics): --integrator full adds them by paths from the lights, four samples at a
+time on a GPU, so that N is rounded up. What moves stands still while it is traced.")]
     Reference(ReferenceArgs),
     /// Measure how long each pass of a frame takes on this machine
     #[command(after_help = "\

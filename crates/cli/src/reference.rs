@@ -19,8 +19,9 @@ use progress::Progress;
 
 /// How long the GPU may be busy with one dispatch, about: no watchdog or desktop notices.
 const BUSY: Duration = Duration::from_millis(50);
-/// Samples a pixel in one dispatch at most.
-const MOST: u32 = 64;
+/// Samples of single pixels that the first dispatch takes, with a GPU and without.
+const FIRST_WORK: [u64; 2] = [1 << 18, 1 << 14];
+const LEAST_WORK: u64 = 1 << 10;
 /// Between two writings of what there is so far.
 const CHECKPOINT: Duration = Duration::from_mins(1);
 /// Where writing takes long, it takes no more than this share of the time.
@@ -60,7 +61,7 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     let mut progress = Progress::new(args, first);
     let (mut saved, mut pause) = (Instant::now(), CHECKPOINT);
     let mut tracing = Duration::ZERO;
-    let mut count = 1;
+    let mut work = FIRST_WORK[usize::from(gpu.is_software())];
     loop {
         let samples = reference.samples();
         if progress.wants_noise(samples) {
@@ -75,17 +76,16 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
             Sums::read(gpu, &reference)?.write(&args.output, &about)?;
             (saved, pause) = (Instant::now(), CHECKPOINT.max(WRITING * begun.elapsed()));
         }
-        let now = count.min(progress.room(samples));
         let begun = Instant::now();
         let mut frame = recorder.begin();
-        reference.add(&mut frame, scene, now);
+        let recorded = reference.refine(&mut frame, scene, work, samples + progress.room(samples));
         frame.submit();
         recorder.wait()?;
         tracing += begun.elapsed();
-        if begun.elapsed() < BUSY / 2 {
-            count = (2 * count).min(MOST);
+        if begun.elapsed() < BUSY / 2 && recorded >= work / 2 {
+            work = work.saturating_mul(2);
         } else if begun.elapsed() > 2 * BUSY {
-            count = (count / 2).max(1);
+            work = (work / 2).max(LEAST_WORK);
         }
     }
     progress.finish();
@@ -100,7 +100,8 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
         bail!("interrupted: {path} holds {samples} samples a pixel; the same command with --resume goes on");
     }
     let took = tracing.as_secs_f64();
-    let paths = f64::from(size[0]) * f64::from(size[1]) * f64::from(samples - first);
+    let each = if options.integrator == Integrator::Photon { reference.light_paths() } else { size[0] * size[1] };
+    let paths = f64::from(each) * f64::from(samples - first);
     let speed = if samples > first {
         format!("{took:.1} s, {:.2} million paths/s, ", paths / took * 1e-6)
     } else {
