@@ -5,10 +5,10 @@ use std::f32::consts::PI;
 use chiaro::scene::{self, AlphaMode, LightKind, Material, Mesh, Primitive};
 use chiaro::{Integrator, ReferenceOptions, View};
 use chiaro_image::Image;
-use chiaro_testkit::{Stage, Studio, camera_above, device_guaranteed, direct, nmae, place_below};
+use chiaro_testkit::{Stage, Truth, camera_above, device_guaranteed, direct, nmae, place_below};
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 
-use crate::truth::{environment, fresnel, mean, trace};
+use crate::truth::{environment, fresnel, mean, trace, trace_views};
 
 const ALBEDO: f32 = 0.6;
 const SIDE: u32 = 32;
@@ -225,9 +225,11 @@ fn light_paths_keep_to_depth_and_bounces_as_paths_from_the_camera_do() {
 fn rounds_are_the_same_however_they_are_grouped_and_begun() {
     let stage = before_a_mirror();
     let view = (&camera_above(HALF), [SIDE; 2]);
-    let once = trace(&stage.scene, view, options(Integrator::Full), &[8]);
-    let twice = trace(&stage.scene, view, options(Integrator::Full), &[4, 4]);
-    assert_eq!(once.pixels(), twice.pixels());
+    let gpu = device_guaranteed();
+    let mut truth = Truth::new(&gpu, direct(&[]), &stage.scene, view, options(Integrator::Full));
+    let once = truth.add(&[8]);
+    truth.look(view.0);
+    assert_eq!(once.pixels(), truth.add(&[4, 4]).pixels());
 }
 
 #[test]
@@ -242,11 +244,13 @@ fn under_water_the_sky_fills_a_cone_and_the_floor_is_mirrored_around_it() {
     let shining = stage.material(shining);
     stage.quad(Vec3::NEG_Y * 2.0, Vec3::X * 500.0, Vec3::NEG_Z * 500.0, shining);
     // The critical angle is 48.8 degrees.
-    for angle in [0.0f32, 0.5, 0.8, 0.9, 1.2] {
-        let eye = Vec3::NEG_Y;
-        let view = View::look_at(eye, eye + Vec3::new(angle.sin(), angle.cos(), 0.0), 0.002, 0.05);
-        let found =
-            mean(&trace(&stage.scene, (&view, [8, 8]), options(Integrator::Path), &[256]), |_, _| true);
+    let angles = [0.0f32, 0.5, 0.8, 0.9, 1.2];
+    let eye = Vec3::NEG_Y;
+    let views =
+        angles.map(|angle| View::look_at(eye, eye + Vec3::new(angle.sin(), angle.cos(), 0.0), 0.002, 0.05));
+    let images = trace_views(&stage.scene, (&views, [8, 8]), options(Integrator::Path), &[256]);
+    for (angle, image) in angles.into_iter().zip(images) {
+        let found = mean(&image, |_, _| true);
         let sine = ior * angle.sin();
         let reflected = if sine >= 1.0 { 1.0 } else { fresnel((1.0 - sine * sine).sqrt(), ior) };
         let expected = (1.0 - reflected) * sky * ior * ior + reflected * floor;
@@ -266,10 +270,12 @@ fn what_lies_in_a_medium_is_dimmed_by_it() {
         Material { emissive: Vec3::ONE * 5.0, base_color: Vec4::W, specular: 0.0, ..Material::default() };
     let shining = stage.material(shining);
     stage.quad(Vec3::NEG_Y * depth, Vec3::X * 500.0, Vec3::NEG_Z * 500.0, shining);
-    for angle in [0.0f32, 0.9] {
-        let view = View::look_at(Vec3::new(angle.sin(), angle.cos(), 0.0) * 3.0, Vec3::ZERO, 0.002, 0.1);
-        let found =
-            mean(&trace(&stage.scene, (&view, [8, 8]), options(Integrator::Path), &[256]), |_, _| true);
+    let angles = [0.0f32, 0.9];
+    let views = angles
+        .map(|angle| View::look_at(Vec3::new(angle.sin(), angle.cos(), 0.0) * 3.0, Vec3::ZERO, 0.002, 0.1));
+    let images = trace_views(&stage.scene, (&views, [8, 8]), options(Integrator::Path), &[256]);
+    for (angle, image) in angles.into_iter().zip(images) {
+        let found = mean(&image, |_, _| true);
         let inside = (1.0 - (angle.sin() / ior).powi(2)).sqrt();
         let passes = colour.powf(depth / inside / distance);
         // The floor reflects nothing back.
@@ -343,10 +349,9 @@ fn a_scene_without_light_is_black_by_light_paths() {
     let mut stage = Stage::floor(ALBEDO);
     let material = stage.material(glass(1.5));
     stage.quad(Vec3::Y, Vec3::X, Vec3::NEG_Z, material);
-    let mut studio = Studio::new(&device_guaranteed(), direct(&[]));
     for integrator in [Integrator::Photon, Integrator::Full] {
         let view = (&camera_above(HALF), [SIDE; 2]);
-        let image = studio.truth(&stage.scene, view, options(integrator), &[4]);
+        let image = trace(&stage.scene, view, options(integrator), &[4]);
         assert!(image.pixels().iter().flatten().all(|value| *value == 0.0));
     }
 }
