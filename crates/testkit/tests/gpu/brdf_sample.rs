@@ -71,17 +71,21 @@ fn counts(bench: &Bench, case: Case) -> Vec<(f64, f64)> {
 fn directions_are_drawn_as_densely_as_they_say() {
     let gpu = device();
     let bench = Bench::new(&gpu);
-    for (kind, metallic, roughness) in [
-        (0, 1.0, 0.25),
-        (0, 1.0, 0.6),
-        (0, 1.0, 1.0),
-        (0, 0.0, 0.4),
-        (0, 0.5, 0.8),
-        (1, 0.0, 0.5),
-        (1, 0.0, 0.9),
+    for (kind, metallic, roughness, specular) in [
+        (0, 1.0, 0.25, 1.0),
+        (0, 1.0, 0.6, 1.0),
+        (0, 1.0, 1.0, 1.0),
+        (0, 0.0, 0.4, 1.0),
+        (0, 0.5, 0.8, 1.0),
+        // Lambert.
+        (0, 0.0, 0.5, 0.0),
+        (1, 0.0, 0.5, 1.0),
+        (1, 0.0, 0.9, 1.0),
+        // Unlit: drawn from for nothing, but soundly.
+        (2, 0.0, 0.5, 1.0),
     ] {
         for cosine in [0.15, 0.5, 0.95] {
-            let case = case(kind, metallic, roughness, cosine);
+            let case = Case { specular, ..case(kind, metallic, roughness, cosine) };
             assert_drawn_as_expected(counts(&bench, case), &case);
         }
     }

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use chiaro::scene::{Material, Projection};
 use chiaro::{ReferenceOptions, View};
 use chiaro_testkit::Stage;
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use crate::truth::{mean, trace_views};
 
@@ -58,21 +58,22 @@ impl Ggx {
 
     /// Directional albedo of single scattering, by quadrature over facets.
     fn albedo(&self, fresnel: Schlick, cosine: f64) -> f64 {
-        const STEPS: u32 = 96;
+        const STEPS: u32 = 64;
         let v = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
-        let points = (0..STEPS * STEPS)
-            .map(|i| (DVec2::new((i % STEPS).into(), (i / STEPS).into()) + 0.5) / f64::from(STEPS));
-        let reflected = points.map(|u| {
-            // As dense as distribution · cosine.
-            let z = 1.0 / (1.0 + self.alpha * self.alpha * u.x / (1.0 - u.x)).sqrt();
-            let (r, phi) = ((1.0 - z * z).sqrt(), TAU * u.y);
+        let step = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
+        let reflected = (0..STEPS * STEPS).map(|i| {
+            // Facets as dense as distribution · cosine, but for `dense`: closer where they are rare and light gets lost.
+            let (t, phi) = (step(i % STEPS), TAU * step(i / STEPS));
+            let (rare, dense) = (t * t * t, 3.0 * t * t);
+            let z = 1.0 / (1.0 + self.alpha * self.alpha * (1.0 - rare) / rare).sqrt();
+            let r = (1.0 - z * z).sqrt();
             let h = DVec3::new(r * phi.cos(), r * phi.sin(), z);
             let met = v.dot(h);
             let l = 2.0 * met * h - v;
             if met <= 0.0 || l.z <= 0.0 {
                 return 0.0;
             }
-            self.both_seen(v, l) * fresnel.at(met) * met / (v.z * z)
+            dense * self.both_seen(v, l) * fresnel.at(met) * met / (v.z * z)
         });
         reflected.sum::<f64>() / f64::from(STEPS * STEPS)
     }
@@ -138,11 +139,11 @@ fn a_rough_surface_reflects_a_sun_as_ggx_says() {
         stage.quad(center, Vec3::X, Vec3::NEG_Z * 2.0, id);
         patches.push((center, material));
     }
-    let l = DVec3::new(0.0, 0.7, 0.7).normalize();
+    let l = DVec3::new(0.1, 0.7, 0.7).normalize();
     stage.sun(LUX, -world(l));
-    // Into the mirror's direction, beside it, back to the sun, from above and at a grazing angle.
-    let eyes = [(0.0, -0.7, 0.7), (0.3, -0.5, 0.8), (0.0, 0.6, 0.8), (0.1, 0.0, 1.0), (0.5, -0.8, 0.25)];
-    let eyes = eyes.map(|(x, y, z)| DVec3::new(x, y, z).normalize());
+    // Close to the mirror's direction, farther from it, back to the sun, from above and at a grazing angle.
+    let eyes = [(-0.7, 0.7), (-0.5, 0.8), (0.6, 0.8), (-0.05, 1.0), (-0.8, 0.25)];
+    let eyes = eyes.map(|(y, z)| DVec3::new(0.0, y, z).normalize());
     let views = eyes.map(|v| View {
         projection: Projection::Orthographic { half_height_m: 0.2 },
         ..View::look_at(world(v) * 20.0, Vec3::ZERO, 0.1, 0.1)
@@ -156,9 +157,13 @@ fn a_rough_surface_reflects_a_sun_as_ggx_says() {
             let found = mean(&image, |x, _| (x as f32 + 0.5 - middle).abs() < 4.0);
             let expected = LUX * (l.z * brdf(material, v, l)) as f32;
             let Material { roughness, metallic, .. } = material;
-            // The table of albedos: half a percent.
-            let off = (found / expected - 1.0).abs();
-            assert!(off < 0.005, "roughness {roughness} metallic {metallic} {v}: {found} is not {expected}");
+            // The table of albedos: half a percent, and a ten-thousandth of what white paper would reflect, for light
+            // scattered more than once goes by what the table leaves of one.
+            let off = (found - expected).abs() - 1e-4 * LUX / std::f32::consts::PI;
+            assert!(
+                off < 0.005 * expected,
+                "roughness {roughness} metallic {metallic} {v}: {found} is not {expected}"
+            );
         }
     }
 }
