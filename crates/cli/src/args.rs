@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::values::{
     FrameRange, Setting, Size, View, blur_px, frames_per_second, image_output, picture_output, positive,
-    radiance_output, seconds,
+    radiance_output, seconds, share, some_seconds,
 };
 
 /// Real-time shadows, indirect light and caustics, measured against path-traced truth
@@ -43,14 +43,22 @@ Examples:
 
 H shows the keys. Scene files can be dropped onto the window.")]
     View(ViewArgs),
-    /// Path trace a scene: the truth that real-time pictures are measured against
+    /// Trace a scene's light: the truth that real-time pictures are measured against
     #[command(after_help = "\
 Examples:
   chiaro reference builtin:cornell --spp 256 -o cornell.exr
   chiaro reference room.glb --camera 1 --max-depth 3 --spp 64 -o room.bounce1.exr
+  chiaro reference room.glb --target-error 0.5% --time-limit 3600 --resume -o room.exr
+  chiaro reference builtin:pool --integrator full --spp 256 -o pool.exr
 
-No paths are found from lights without extent over mirrors or through glass to a surface (caustics);
-blended surfaces are cut at half coverage. What moves stands still while it is traced.")]
+The goal that comes first ends the render. Ctrl-C stops it, too, and nothing is lost: the file holds
+all samples so far (and is written about every minute), and --resume goes on from it. Beside the
+picture (R, G, B in nits) the EXR has the layers variance (of each pixel's mean, nits^2), samples,
+and the sums to go on from.
+
+Paths from the camera alone find no light of lamps without extent that mirrors or smooth glass send
+on to a surface (caustics): --integrator full adds them by paths from the lights, four samples at a
+time on a GPU, so that N is rounded up. What moves stands still while it is traced.")]
     Reference(ReferenceArgs),
     /// Measure how long each pass of a frame takes on this machine
     #[command(after_help = "\
@@ -71,10 +79,14 @@ Examples:
 mean ratio  sum A / sum B; 1 is the same energy
 nmae        mean |A-B| / mean B
 relmse      mean of (A-B)^2 / (B^2 + (0.05 mean B)^2), without the worst 0.1 % of the pixels
-flip        mean LDR-FLIP, B exposed so that its 99th percentile is 0.9; 0 looks the same
+psnr        peak signal-to-noise ratio in dB, both exposed so that B's 99th percentile is 0.9,
+            clamped and sRGB-encoded, not rounded to bytes; inf (JSON: null) is the same
+ssim        mean structural similarity of the luma of these pictures; 1 is the same
+flip        mean LDR-FLIP at that exposure; 0 looks the same
+hdr flip    mean HDR-FLIP: in each pixel the largest FLIP of the exposures that B needs, in ACES tones
 
-The picture of -o has its own scale, from 1 % (black) to 1000 % (white); masked pixels are
-grey, pixels where A is not finite green.")]
+The picture of -o has its own scale: of |A-B| from 1 % (black) to 1000 % (white) of B's mean, of FLIP
+from 0 to 1; masked pixels are grey, pixels where A is not finite green.")]
     Diff(DiffArgs),
     /// List the built-in scenes
     #[command(after_help = "Example:\n  chiaro scenes")]
@@ -191,9 +203,18 @@ pub struct ReferenceArgs {
     /// The image to write: scene radiance in nits
     #[arg(short, long, value_name = "FILE", value_parser = radiance_output)]
     pub output: PathBuf,
-    /// Samples per pixel: four times as many halve the noise
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = positive)]
-    pub spp: u32,
+    /// Samples per pixel, those resumed from included: four times as many halve the noise [default: 64; without limit where --time-limit or --target-error is given]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub spp: Option<u32>,
+    /// Stop after so many seconds of tracing
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = some_seconds)]
+    pub time_limit: Option<f64>,
+    /// Stop once a pixel's estimated standard error, averaged over the image, is this share of the image's mean: 0.01 or 1%
+    #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = share)]
+    pub target_error: Option<f64>,
+    /// Go on from the output file where there is one; the image is, bit for bit, that of a render without a break
+    #[arg(long)]
+    pub resume: bool,
     /// Which paths of light are traced
     #[arg(long, value_enum, default_value_t = Integrator::Path)]
     pub integrator: Integrator,
@@ -210,6 +231,9 @@ pub struct ReferenceArgs {
     /// What all random choices start from; the same seed gives the same image
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
+    /// Also write a part of the light (direct, indirect, caustics) or what the camera sees first (albedo, normal, depth) to STEM.NAME.exr; may be given many times
+    #[arg(long = "aov", value_name = "NAME")]
+    pub aovs: Vec<String>,
     /// Change a setting that says what is there (surface.lighting, surface.normal_maps, environment.*)
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<Setting>,
@@ -286,9 +310,33 @@ pub struct DiffArgs {
     /// Print one line of JSON instead of a table
     #[arg(long)]
     pub json: bool,
-    /// Write a picture of |A-B| relative to the mean of B in false colours
+    /// Write a picture of the difference in false colours
     #[arg(short, long, value_name = "FILE", value_parser = picture_output)]
     pub output: Option<PathBuf>,
+    /// What that picture shows
+    #[arg(long, default_value = "error", requires = "output")]
+    pub heat: Heat,
+}
+
+/// What the picture of `chiaro diff` shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Heat {
+    /// |A-B| relative to the mean of B
+    Error,
+    /// LDR-FLIP
+    Flip,
+    /// HDR-FLIP
+    HdrFlip,
+}
+
+impl From<Heat> for chiaro_image::Heat {
+    fn from(heat: Heat) -> Self {
+        match heat {
+            Heat::Error => Self::Error,
+            Heat::Flip => Self::Flip,
+            Heat::HdrFlip => Self::HdrFlip,
+        }
+    }
 }
 
 /// `chiaro scenes`, `chiaro settings` and `chiaro info`

@@ -23,7 +23,7 @@ pub fn run(args: &DiffArgs) -> anyhow::Result<()> {
     let comparison = Comparison::new(&a, &b, &options)?;
     let metrics = comparison.metrics();
     if let Some(path) = &args.output {
-        write_png(path, &comparison.heat_map())?;
+        write_png(path, &comparison.heat_map(args.heat.into()))?;
     }
     if args.json { print_json(&metrics) } else { print(&table(args, &b, &metrics)) }
 }
@@ -63,7 +63,10 @@ fn table(args: &DiffArgs, b: &Image, metrics: &Metrics) -> String {
         &format!("{:.6}", metrics.relmse),
         "relative squared error without the worst 0.1 % of pixels",
     );
+    row("psnr", &format!("{:.3} dB", metrics.psnr), "of the exposed pictures; inf is the same");
+    row("ssim", &format!("{:.6}", metrics.ssim), "of the exposed pictures; 1 is the same");
     row("flip", &format!("{:.6}", metrics.flip), "0 looks the same, 1 is as different as can be");
+    row("hdr flip", &format!("{:.6}", metrics.hdr_flip), "the same over all exposures that B needs");
     if let Some(path) = &args.output {
         row("heat map", &path.display(), "");
     }

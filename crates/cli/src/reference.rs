@@ -1,23 +1,34 @@
 //! `chiaro reference`
 
+mod file;
+mod progress;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use anyhow::{Context, bail};
 use chiaro::scene::Scene;
-use chiaro::{Integrator, Pixels, Recorder, Reference, ReferenceOptions};
-use chiaro_image::{Precision, write_exr};
-use indicatif::{ProgressBar, ProgressStyle};
+use chiaro::{Integrator, Recorder, Reference, ReferenceOptions};
 
 use crate::args::{self, ReferenceArgs, SettingsArgs};
 use crate::output::print;
-use crate::render::{create_parent, mean};
 use crate::session::Session;
+use file::Sums;
+use progress::Progress;
 
 /// How long the GPU may be busy with one dispatch, about: no watchdog or desktop notices.
 const BUSY: Duration = Duration::from_millis(50);
-/// Samples a pixel in one dispatch at most.
-const MOST: u32 = 64;
+/// Samples of single pixels that the first dispatch takes, with a GPU and without.
+const FIRST_WORK: [u64; 2] = [1 << 18, 1 << 14];
+const LEAST_WORK: u64 = 1 << 10;
+/// Between two writings of what there is so far.
+const CHECKPOINT: Duration = Duration::from_mins(1);
+/// Where writing takes long, it takes no more than this share of the time.
+const WRITING: u32 = 20;
 
 pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
+    let first_hits = file::first_hits(args)?;
     let settings = SettingsArgs { preset: None, set: args.set.clone(), seed: args.seed, pipeline: None };
     let mut session = Session::open_with(&args.scene, &settings, Scene::add_default_view_to_trace)?;
     if session.duration_s().is_none() && args.time != 0.0 {
@@ -37,60 +48,79 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     };
     let scenes = (source, scene);
     let mut reference = Reference::new(renderer.kit(), scenes, renderer.settings(), (view, *size), options)?;
+    if !first_hits.is_empty() {
+        reference.observe(scene, &first_hits)?;
+    }
+    let about = file::about(args, &session, &reference);
+    if args.resume && args.output.exists() {
+        file::resume(&args.output, &about, *size, &mut reference)?;
+    }
+    let interrupted = on_interrupt()?;
+    let first = reference.samples();
     let mut recorder = Recorder::new(gpu, false);
-    let bar = progress(u64::from(args.spp));
-    let start = Instant::now();
-    let mut count = 1;
-    while reference.samples() < args.spp {
-        let now = count.min(args.spp - reference.samples());
+    let mut progress = Progress::new(args, first);
+    let (mut saved, mut pause) = (Instant::now(), CHECKPOINT);
+    let mut tracing = Duration::ZERO;
+    let mut work = FIRST_WORK[usize::from(gpu.is_software())];
+    loop {
+        let samples = reference.samples();
+        if progress.wants_noise(samples) {
+            progress.set_noise(samples, Sums::read(gpu, &reference)?.noise()?);
+        }
+        progress.show(samples);
+        if progress.is_done(samples) || (samples > 0 && interrupted.load(Ordering::Relaxed)) {
+            break;
+        }
+        if saved.elapsed() >= pause {
+            let begun = Instant::now();
+            Sums::read(gpu, &reference)?.write(&args.output, &about)?;
+            (saved, pause) = (Instant::now(), CHECKPOINT.max(WRITING * begun.elapsed()));
+        }
         let begun = Instant::now();
         let mut frame = recorder.begin();
-        reference.add(&mut frame, scene, now);
+        let recorded = reference.refine(&mut frame, scene, work, samples + progress.room(samples));
         frame.submit();
         recorder.wait()?;
-        bar.inc(u64::from(now));
-        if begun.elapsed() < BUSY / 2 {
-            count = (2 * count).min(MOST);
+        tracing += begun.elapsed();
+        if begun.elapsed() < BUSY / 2 && recorded >= work / 2 {
+            work = work.saturating_mul(2);
         } else if begun.elapsed() > 2 * BUSY {
-            count = (count / 2).max(1);
+            work = (work / 2).max(LEAST_WORK);
         }
     }
-    bar.finish_and_clear();
-    let took = start.elapsed().as_secs_f64();
-    let (sum, squares) = (reference.sum()?.wait(gpu)?, reference.squares()?.wait(gpu)?);
-    create_parent(&args.output)?;
-    write_exr(&args.output, &mean(&sum, args.spp)?, Precision::Float)?;
-    let paths = f64::from(size[0]) * f64::from(size[1]) * f64::from(args.spp);
-    print(&format!(
-        "{}  {} spp, {:.1} s, {:.2} million paths/s, noise {:.2} %\n",
-        args.output.display(),
-        args.spp,
-        took,
-        paths / took * 1e-6,
-        100.0 * noise(&sum, &squares, args.spp)
-    ))
-}
-
-fn progress(samples: u64) -> ProgressBar {
-    let bar = ProgressBar::new(samples);
-    if let Ok(style) = ProgressStyle::with_template("path tracing {bar:40} {pos}/{len} samples, {eta} left") {
-        bar.set_style(style);
+    progress.finish();
+    let sums = Sums::read(gpu, &reference)?;
+    sums.write(&args.output, &about)?;
+    for name in &args.aovs {
+        sums.write_aov(&args.output, name)?;
     }
-    bar
+    let samples = reference.samples();
+    let path = args.output.display();
+    if interrupted.load(Ordering::Relaxed) && !progress.is_done(samples) {
+        bail!("interrupted: {path} holds {samples} samples a pixel; the same command with --resume goes on");
+    }
+    let took = tracing.as_secs_f64();
+    let each = if options.integrator == Integrator::Photon { reference.light_paths() } else { size[0] * size[1] };
+    let paths = f64::from(each) * f64::from(samples - first);
+    let speed = if samples > first {
+        format!("{took:.1} s, {:.2} million paths/s, ", paths / took * 1e-6)
+    } else {
+        "nothing to add, ".to_owned()
+    };
+    print(&format!("{path}  {samples} spp, {speed}noise {:.2} %\n", 100.0 * sums.noise()?))
 }
 
-/// A pixel's mean standard error, relative to the image's mean, as if samples were independent: stratified ones are better
-/// than that.
-fn noise(sum: &Pixels, squares: &Pixels, samples: u32) -> f64 {
-    let n = f64::from(samples);
-    let (mut errors, mut means) = (0.0, 0.0);
-    for (sum, squares) in sum.floats().chunks_exact(4).zip(squares.floats().chunks_exact(4)) {
-        for (sum, square) in sum[..3].iter().zip(&squares[..3]) {
-            let mean = f64::from(*sum) / n;
-            let variance = (f64::from(*square) / n - mean * mean).max(0.0);
-            errors += (variance / n).sqrt();
-            means += mean;
+/// Hears Ctrl-C from now on: the first time to finish what is being done, the second to leave at once.
+fn on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
+    let heard = Arc::new(AtomicBool::new(false));
+    let flag = heard.clone();
+    ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            // 128 and the signal's number, as shells have it.
+            std::process::exit(130);
         }
-    }
-    if means > 0.0 { errors / means } else { 0.0 }
+        eprintln!("\nwriting what there is; once more leaves at once");
+    })
+    .context("cannot listen for Ctrl-C")?;
+    Ok(heard)
 }

@@ -145,6 +145,18 @@ pub fn seconds(text: &str) -> Result<f64, String> {
     number_where(text, |seconds| seconds >= 0.0, "write seconds from 0, such as 1.5")
 }
 
+/// A span of time.
+pub fn some_seconds(text: &str) -> Result<f64, String> {
+    number_where(text, |seconds| seconds > 0.0, "write seconds above 0, such as 60")
+}
+
+/// A part of something, as a factor or in percent.
+pub fn share(text: &str) -> Result<f64, String> {
+    let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number.trim_end(), 0.01));
+    let advice = "write a number above 0, such as 0.01, or a percentage such as 1%";
+    Ok(unit * number_where(number, |share| share > 0.0, advice)?)
+}
+
 /// A frame rate.
 pub fn frames_per_second(text: &str) -> Result<f64, String> {
     number_where(text, |fps| fps > 0.0, "write frames per second above 0, such as 24")
@@ -246,6 +258,8 @@ mod tests {
         assert_eq!(positive("7"), Ok(7));
         assert_eq!(blur_px("0"), Ok(0.0));
         assert!(positive("0").is_err() && blur_px("-1").is_err() && blur_px("nan").is_err());
+        assert_eq!((share("0.01"), share("2.5 %")), (Ok(0.01), Ok(0.025)));
+        assert!(share("0").is_err() && share("%").is_err() && some_seconds("0").is_err());
         assert!(seconds("-0.1").is_err() && frames_per_second("0").is_err() && seconds("inf").is_err());
     }
 }

@@ -30,5 +30,13 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
         Some(folder) => Some(folder.clone()),
         None => Some(PathBuf::from(SOURCES)).filter(|folder| folder.is_dir()),
     };
-    Ok(chiaro_viewer::run(Options { scene, environment, settings, camera, size, shaders })?)
+    Ok(chiaro_viewer::run(Options {
+        scene,
+        environment,
+        settings,
+        camera,
+        size,
+        shaders,
+        ..Options::default()
+    })?)
 }

@@ -57,7 +57,18 @@ fn diff_prints_the_metrics_as_json() {
     assert_eq!(metrics["not_finite"], 0);
     assert!((metrics["relmse"].as_f64().unwrap() - 0.25 / 1.0025).abs() < 1e-9);
     assert!(metrics["flip"].as_f64().unwrap() > 0.0);
-    assert_eq!(metrics.as_object().unwrap().len(), 6);
+    assert!(metrics["hdr_flip"].as_f64().unwrap() > 0.0);
+    // 0.9 and, clamped, 1, as sRGB has them.
+    let off = 1.0 - (1.055 * 0.9_f64.powf(1.0 / 2.4) - 0.055);
+    assert!((metrics["psnr"].as_f64().unwrap() + 20.0 * off.log10()).abs() < 1e-9);
+    let (white, grey) = (1.0, 1.0 - off);
+    let ssim = (2.0 * white * grey + 1e-4) / (white * white + grey * grey + 1e-4);
+    assert!((metrics["ssim"].as_f64().unwrap() - ssim).abs() < 1e-9);
+    assert_eq!(metrics.as_object().unwrap().len(), 9);
+    let output = chiaro(&["diff", &b, &b, "--json"]);
+    let metrics: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&metrics["psnr"], &metrics["ssim"]), (&serde_json::Value::Null, &1.0.into()));
+    assert_eq!((&metrics["flip"], &metrics["hdr_flip"]), (&0.0.into(), &0.0.into()));
 }
 
 #[test]
@@ -69,6 +80,21 @@ fn diff_draws_the_error_and_prints_a_table() {
     assert!(text(&output.stdout).contains("mean ratio  11.000000"), "{}", text(&output.stdout));
     // 1000 % off is the bright end of the scale.
     assert_eq!(read(heat).unwrap().pixel(3, 3), [1.0; 3]);
+}
+
+#[test]
+fn diff_draws_flip_on_its_own_scale() {
+    let (a, b) = (image("flip_a.exr", 200, 6, 0.0), image("flip_b.exr", 200, 6, 1.0));
+    let pictures = ["error", "flip", "hdr-flip"].map(|heat| {
+        let path = scratch(&format!("heat_{heat}.png"));
+        let output = chiaro(&["diff", &a, &b, "--heat", heat, "-o", path.to_str().unwrap()]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        read(path).unwrap().pixel(3, 3)
+    });
+    // 100 % is two thirds up the scale of errors; black for white is near the end of FLIP's.
+    assert!(pictures[0] != pictures[1] && pictures[1][2] > pictures[0][2], "{pictures:?}");
+    assert!(pictures[2][2] > pictures[0][2], "{pictures:?}");
+    assert_fails(&chiaro(&["diff", &a, &b, "--heat", "flip"]), 2, &["--output"]);
 }
 
 #[test]
@@ -111,5 +137,5 @@ fn wrong_usage_exits_with_2_and_says_what_is_right() {
     assert_fails(&chiaro(&["reference", "builtin:cornell"]), 2, &["--output"]);
     assert_fails(&chiaro(&["reference", "-o", "truth.png"]), 2, &[".exr"]);
     assert_fails(&chiaro(&["reference", "-o", "truth.exr", "--spp", "0"]), 2, &["--spp"]);
-    assert_fails(&chiaro(&["reference", "-o", "truth.exr", "--integrator", "photon"]), 2, &["--integrator"]);
+    assert_fails(&chiaro(&["reference", "-o", "truth.exr", "--integrator", "light"]), 2, &["--integrator"]);
 }

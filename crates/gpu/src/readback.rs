@@ -116,12 +116,22 @@ pub struct BufferReadback(Staging);
 impl BufferReadback {
     /// Records and submits the copy of the whole buffer.
     pub fn start(gpu: &Gpu, buffer: &Buffer) -> Self {
-        let size = buffer.raw().size();
-        let staging = Staging::new(gpu, size);
+        let readback = Self(Staging::new(gpu, buffer.raw().size()));
+        readback.copy(gpu, buffer);
+        readback
+    }
+
+    /// Copies a buffer of the same size anew, into the memory of a copy that has arrived.
+    pub fn again(&self, gpu: &Gpu, buffer: &Buffer) {
+        self.0.buffer.unmap();
+        self.0.state.store(PENDING, Ordering::Release);
+        self.copy(gpu, buffer);
+    }
+
+    fn copy(&self, gpu: &Gpu, buffer: &Buffer) {
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_buffer_to_buffer(buffer.raw(), 0, &staging.buffer, 0, size);
-        staging.fetch(gpu, encoder);
-        Self(staging)
+        encoder.copy_buffer_to_buffer(buffer.raw(), 0, &self.0.buffer, 0, buffer.raw().size());
+        self.0.fetch(gpu, encoder);
     }
 
     /// The bytes if they have arrived. Never blocks.

@@ -1,9 +1,12 @@
 //! How far one linear image is from another.
 
+use std::panic::resume_unwind;
+use std::thread;
+
 use serde::Serialize;
 
 use crate::filter::{Plane, convolve, gaussian};
-use crate::{Image, ImageError, Picture, flip, heat};
+use crate::{Heat, Image, ImageError, Picture, colour, flip, hdr_flip, heat, ssim};
 
 /// What to measure: parts of the light, parts of the image, at which scale.
 #[derive(Debug, Clone, Copy, Default)]
@@ -32,8 +35,16 @@ pub struct Metrics {
     pub pixels: usize,
     /// Channel values of A that were NaN or infinite, in the whole image; they are taken as 0.
     pub not_finite: usize,
-    /// Mean LDR-FLIP, 0 (same) to 1, with both images exposed so that B's 99th percentile becomes 0.9.
+    /// Peak signal-to-noise ratio in decibels, −10 log₁₀ of the mean square error of what a screen shows: both images
+    /// exposed so that B's 99th percentile becomes 0.9, clamped to 0–1 and sRGB-encoded. Infinite for equal pictures,
+    /// which JSON calls null.
+    pub psnr: f64,
+    /// Mean SSIM, −1 to 1 (same), of the luma of the same pictures.
+    pub ssim: f64,
+    /// Mean LDR-FLIP, 0 (same) to 1, at the same exposure.
     pub flip: f64,
+    /// Mean HDR-FLIP, 0 (same) to 1: in each pixel the largest FLIP over the exposures that show what B holds.
+    pub hdr_flip: f64,
 }
 
 /// Two images made ready to be compared.
@@ -128,33 +139,92 @@ impl Comparison {
         let pixels = relative_squares.len();
         relative_squares.sort_unstable_by(f64::total_cmp);
         let trusted = ((pixels as f64 * 0.999) as usize).max(1);
+        let hdr_flip = || self.mean(&self.hdr_flip_map());
+        let (hdr_flip, (psnr, ssim, flip)) = together(hdr_flip, || self.as_shown());
         Metrics {
             mean_ratio: kept(&self.a, &self.keep).sum::<f64>() / kept(&self.b, &self.keep).sum::<f64>(),
             nmae: absolute / (3 * pixels) as f64 / self.reference_mean,
             relmse: relative_squares[..trusted].iter().sum::<f64>() / trusted as f64,
             pixels,
             not_finite: self.not_finite,
-            flip: self.mean_flip(),
+            psnr,
+            ssim,
+            flip,
+            hdr_flip,
         }
     }
 
-    /// |A−B| relative to the mean of B, in false colours over a labelled scale that is the same for all comparisons:
-    /// logarithmic from 1 % (black) to 1000 % (white). Masked pixels are grey, pixels where A is not finite green.
-    pub fn heat_map(&self) -> Picture {
-        heat::draw(self)
+    /// One figure of every pixel in false colours over a labelled scale that is the same for all comparisons. Masked
+    /// pixels are grey, pixels where A is not finite green.
+    pub fn heat_map(&self, heat: Heat) -> Picture {
+        heat::draw(self, heat)
     }
 
-    fn mean_flip(&self) -> f64 {
+    /// PSNR, mean SSIM and mean FLIP of what a screen shows.
+    fn as_shown(&self) -> (f64, f64, f64) {
+        let exposed = self.exposed();
+        let [a, b] = exposed.each_ref().map(encoded);
+        let ssim = ssim::ssim(&luma(&a), &luma(&b), self.width);
+        (self.psnr(&a, &b), self.mean(&ssim), self.mean(&self.flip_of(&exposed)))
+    }
+
+    /// LDR-FLIP of every pixel.
+    pub(crate) fn flip_map(&self) -> Plane {
+        self.flip_of(&self.exposed())
+    }
+
+    /// HDR-FLIP of every pixel.
+    pub(crate) fn hdr_flip_map(&self) -> Plane {
+        hdr_flip::hdr_flip(&self.b, &self.a, &self.keep, self.width)
+    }
+
+    /// A and B in 0–1, linear, exposed so that B's 99th percentile becomes 0.9.
+    fn exposed(&self) -> [[Plane; 3]; 2] {
         let exposure = 0.9 / percentile(kept(&self.b, &self.keep).collect(), 0.99).max(1e-12);
-        let shown = |planes: &[Plane; 3]| {
-            planes
-                .each_ref()
-                .map(|plane| plane.iter().map(|value| (value * exposure).clamp(0.0, 1.0)).collect())
-        };
-        let map = flip::flip(&shown(&self.b), &shown(&self.a), self.width);
+        [&self.a, &self.b].map(|planes| each_value(planes, |value| (value * exposure).clamp(0.0, 1.0)))
+    }
+
+    fn flip_of(&self, [a, b]: &[[Plane; 3]; 2]) -> Plane {
+        flip::flip(b, a, self.width)
+    }
+
+    fn psnr(&self, a: &[Plane; 3], b: &[Plane; 3]) -> f64 {
+        let squares = kept(a, &self.keep).zip(kept(b, &self.keep)).map(|(a, b)| (a - b).powi(2));
+        let (count, sum) = squares.fold((0, 0.0), |(count, sum), square| (count + 1, sum + square));
+        -10.0 * (sum / f64::from(count)).log10()
+    }
+
+    /// Over the kept pixels.
+    fn mean(&self, map: &Plane) -> f64 {
         let sum: f64 = map.iter().zip(&self.keep).filter(|(_, keep)| **keep).map(|(value, _)| value).sum();
         sum / self.keep.iter().filter(|keep| **keep).count() as f64
     }
+}
+
+/// Does two things at once where there are threads.
+fn together<A: Send, B>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B) -> (A, B) {
+    if thread::available_parallelism().map_or(1, usize::from) == 1 {
+        return (a(), b());
+    }
+    thread::scope(|scope| {
+        let a = scope.spawn(a);
+        let b = b();
+        (a.join().unwrap_or_else(|panic| resume_unwind(panic)), b)
+    })
+}
+
+fn each_value(planes: &[Plane; 3], of: impl Fn(f64) -> f64) -> [Plane; 3] {
+    planes.each_ref().map(|plane| plane.iter().map(|value| of(*value)).collect())
+}
+
+/// As a screen takes it.
+fn encoded(planes: &[Plane; 3]) -> [Plane; 3] {
+    each_value(planes, colour::srgb_from_linear)
+}
+
+/// The weighted sum of encoded values, Rec. 709.
+fn luma([r, g, b]: &[Plane; 3]) -> Plane {
+    r.iter().zip(g).zip(b).map(|((r, g), b)| colour::luminance_f64([*r, *g, *b])).collect()
 }
 
 /// All channel values of the kept pixels.

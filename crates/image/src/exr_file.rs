@@ -1,14 +1,14 @@
 //! OpenEXR in and out.
 //!
 //! A file may hold more than the picture: chiaro reads R, G and B from the first part that has them, and whatever
-//! other channels (variance, sample counts…) stand beside them do no harm.
+//! other channels (variance, sample counts…) stand beside them do no harm; [`crate::read_layers`] reads those.
 
 use std::io::Cursor;
 use std::path::Path;
 
 use exr::prelude::{
     AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image as ExrImage, Layer, LineOrder, MetaData,
-    ReadChannels, ReadLayers, SpecificChannels, Vec2, WritableImage, f16,
+    ReadChannels, ReadLayers, SmallVec, SpecificChannels, Vec2, WritableImage, f16,
 };
 
 use crate::file::write_bytes;
@@ -26,7 +26,7 @@ pub enum Precision {
 }
 
 /// Increasing lines are the one order in which parallel compression still gives the same file every time.
-const ENCODING: Encoding = Encoding {
+pub(crate) const ENCODING: Encoding = Encoding {
     compression: Compression::ZIP16,
     blocks: Blocks::ScanLines,
     line_order: LineOrder::Increasing,
@@ -85,8 +85,28 @@ fn refuse_half_overflow(path: &Path, image: &Image) -> Result<(), ImageError> {
     })
 }
 
-/// Decodes the bytes of an EXR file; `path` is for messages.
+/// An EXR file with all its parts, channels and attributes.
+pub(crate) type Decoded = ExrImage<SmallVec<[Layer<AnyChannels<FlatSamples>>; 2]>>;
+
+/// Decodes the bytes of an EXR file's picture; `path` is for messages.
 pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<Image, ImageError> {
+    let file = decode_all(path, bytes)?;
+    file.layer_data.iter().find_map(rgb_of_layer).unwrap_or_else(|| {
+        let names: Vec<String> = file
+            .layer_data
+            .iter()
+            .flat_map(|layer| layer.channel_data.list.iter().map(|channel| channel.name.to_string()))
+            .collect();
+        Err(ImageError::Invalid {
+            path: path.to_owned(),
+            problem: format!("no channels R, G and B (or Y); there are: {}", names.join(", ")),
+            advice: "rename the channels that hold the picture".to_owned(),
+        })
+    })
+}
+
+/// Decodes everything in the bytes of an EXR file.
+pub(crate) fn decode_all(path: &Path, bytes: &[u8]) -> Result<Decoded, ImageError> {
     let invalid = |problem: String, advice: &str| ImageError::Invalid {
         path: path.to_owned(),
         problem,
@@ -107,25 +127,14 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<Image, ImageError> {
             return Err(invalid(problem, "crop it, or check whether the file is damaged"));
         }
     }
-    let file = exr::prelude::read()
+    exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
         .all_channels()
         .all_layers()
         .all_attributes()
         .from_buffered(Cursor::new(bytes))
-        .map_err(undecodable)?;
-    file.layer_data.iter().find_map(rgb_of_layer).unwrap_or_else(|| {
-        let names: Vec<String> = file
-            .layer_data
-            .iter()
-            .flat_map(|layer| layer.channel_data.list.iter().map(|channel| channel.name.to_string()))
-            .collect();
-        Err(invalid(
-            format!("no channels R, G and B (or Y); there are: {}", names.join(", ")),
-            "rename the channels that hold the picture",
-        ))
-    })
+        .map_err(undecodable)
 }
 
 /// The layer's colour, if it has channels R, G and B, or Y.

@@ -9,6 +9,9 @@ pub(crate) fn convolve(plane: &[f64], width: usize, horizontal: &[f64], vertical
     along_columns(&along_rows(plane, width, horizontal), width, vertical)
 }
 
+/// Neighbours that are summed up together, in registers.
+const LANES: usize = 8;
+
 fn along_rows(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
     let radius = kernel.len() / 2;
     let mut out = vec![0.0; plane.len()];
@@ -17,9 +20,7 @@ fn along_rows(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
         padded[..radius].fill(row[0]);
         padded[radius..radius + width].copy_from_slice(row);
         padded[radius + width..].fill(row[width - 1]);
-        for (tap, weight) in kernel.iter().enumerate() {
-            accumulate(out_row, &padded[tap..tap + width], *weight);
-        }
+        weighted_sum(out_row, kernel, |tap| &padded[tap..tap + width]);
     }
     out
 }
@@ -29,17 +30,30 @@ fn along_columns(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
     let height = plane.len() / width;
     let mut out = vec![0.0; plane.len()];
     for (y, out_row) in out.chunks_exact_mut(width).enumerate() {
-        for (tap, weight) in kernel.iter().enumerate() {
+        weighted_sum(out_row, kernel, |tap| {
             let source = (y + tap).saturating_sub(radius).min(height - 1);
-            accumulate(out_row, &plane[source * width..(source + 1) * width], *weight);
-        }
+            &plane[source * width..(source + 1) * width]
+        });
     }
     out
 }
 
-fn accumulate(sum: &mut [f64], values: &[f64], weight: f64) {
-    for (sum, value) in sum.iter_mut().zip(values) {
-        *sum += weight * value;
+/// The sum of as many rows as there are weights, each as long as `out`.
+fn weighted_sum<'a>(out: &mut [f64], weights: &[f64], row: impl Fn(usize) -> &'a [f64]) {
+    let (groups, rest) = out.as_chunks_mut::<LANES>();
+    for (index, group) in groups.iter_mut().enumerate() {
+        let mut sum = [0.0; LANES];
+        for (tap, weight) in weights.iter().enumerate() {
+            let values = &row(tap)[index * LANES..][..LANES];
+            for (sum, value) in sum.iter_mut().zip(values) {
+                *sum += weight * value;
+            }
+        }
+        *group = sum;
+    }
+    let first = groups.len() * LANES;
+    for (index, value) in rest.iter_mut().enumerate() {
+        *value = weights.iter().enumerate().map(|(tap, weight)| weight * row(tap)[first + index]).sum();
     }
 }
 

@@ -1,13 +1,52 @@
 //! The picture of a comparison: where, and how much, two images differ.
 
+use crate::filter::Plane;
 use crate::{Comparison, Picture};
+
+/// What a heat map shows.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Heat {
+    /// |A−B| relative to the mean of B, logarithmic from 1 % (black) to 1000 % (white).
+    #[default]
+    Error,
+    /// LDR-FLIP, from 0 (black) to 1 (white).
+    Flip,
+    /// HDR-FLIP, from 0 (black) to 1 (white).
+    HdrFlip,
+}
 
 /// Relative error at the dark end of the scale; smaller ones are as dark.
 const LEAST: f64 = 0.01;
-/// Decades from [`LEAST`] to the bright end, each with a label at its start and one at the end.
+/// Decades from [`LEAST`] to the bright end.
 const DECADES: u32 = 3;
-/// Labels of the scale, at equal distances.
-const LABELS: [&str; DECADES as usize + 1] = ["1%", "10%", "100%", "1000%"];
+
+impl Heat {
+    /// Labels of the scale, at equal distances.
+    fn labels(self) -> &'static [&'static str] {
+        match self {
+            Self::Error => &["1%", "10%", "100%", "1000%"],
+            Self::Flip | Self::HdrFlip => &["0", "0.5", "1"],
+        }
+    }
+
+    /// Where each pixel is on the scale, 0–1.
+    fn positions(self, comparison: &Comparison) -> Plane {
+        match self {
+            Self::Error => errors(comparison).map(position_of).collect(),
+            Self::Flip => comparison.flip_map(),
+            Self::HdrFlip => comparison.hdr_flip_map(),
+        }
+    }
+}
+
+/// |A−B| relative to the mean of B.
+fn errors(comparison: &Comparison) -> impl Iterator<Item = f64> {
+    let Comparison { a, b, reference_mean, .. } = comparison;
+    (0..comparison.keep.len()).map(move |index| {
+        let absolute: f64 = a.iter().zip(b).map(|(a, b)| (a[index] - b[index]).abs()).sum();
+        absolute / 3.0 / reference_mean.abs()
+    })
+}
 
 const MASKED: [u8; 3] = [96, 96, 96];
 const NOT_FINITE: [u8; 3] = [0, 255, 0];
@@ -36,21 +75,19 @@ const RAMP: [[u8; 3]; 7] = [
 const GLYPH: (u32, u32) = (5, 7);
 const ADVANCE: u32 = 6;
 
-pub(crate) fn draw(comparison: &Comparison) -> Picture {
+pub(crate) fn draw(comparison: &Comparison, heat: Heat) -> Picture {
     let (width, height) = (comparison.width as u32, comparison.height as u32);
     let full_width = width.max(LEAST_WIDTH);
     let bar_top = height + MARGIN;
     let label_top = bar_top + BAR_HEIGHT + TICK + 2;
     let mut picture = Picture::black(full_width, label_top + GLYPH.1 + MARGIN);
-    for index in 0..comparison.keep.len() {
+    for (index, position) in heat.positions(comparison).into_iter().enumerate() {
         let colour = if !comparison.keep[index] {
             MASKED
         } else if comparison.bad[index] {
             NOT_FINITE
         } else {
-            let absolute: f64 =
-                comparison.a.iter().zip(&comparison.b).map(|(a, b)| (a[index] - b[index]).abs()).sum();
-            colour_of(absolute / 3.0 / comparison.reference_mean.abs())
+            ramp(position)
         };
         picture.set(index as u32 % width, index as u32 / width, colour);
     }
@@ -65,8 +102,9 @@ pub(crate) fn draw(comparison: &Comparison) -> Picture {
         picture.set(MARGIN + x, bar_top - 1, INK);
         picture.set(MARGIN + x, bar_top + BAR_HEIGHT, INK);
     }
-    for (index, label) in LABELS.iter().enumerate() {
-        let x = MARGIN + (bar - 1) * index as u32 / DECADES;
+    let labels = heat.labels();
+    for (index, label) in labels.iter().enumerate() {
+        let x = MARGIN + (bar - 1) * index as u32 / (labels.len() as u32 - 1);
         for y in bar_top..bar_top + BAR_HEIGHT + TICK {
             picture.set(x, y, INK);
         }
@@ -77,9 +115,9 @@ pub(crate) fn draw(comparison: &Comparison) -> Picture {
     picture
 }
 
-/// The colour of a relative error.
-fn colour_of(error: f64) -> [u8; 3] {
-    ramp((error.max(LEAST) / LEAST).log10() / DECADES as f64)
+/// Where a relative error is on the scale.
+fn position_of(error: f64) -> f64 {
+    (error.max(LEAST) / LEAST).log10() / DECADES as f64
 }
 
 /// The ramp's colour at 0–1, clamped.
@@ -109,6 +147,8 @@ fn glyph(letter: char) -> [u8; GLYPH.1 as usize] {
     match letter {
         '0' => [0b01110, 0b10001, 0b10001, 0b10001, 0b10001, 0b10001, 0b01110],
         '1' => [0b00100, 0b01100, 0b00100, 0b00100, 0b00100, 0b00100, 0b01110],
+        '5' => [0b11111, 0b10000, 0b11110, 0b00001, 0b00001, 0b10001, 0b01110],
+        '.' => [0, 0, 0, 0, 0, 0b00100, 0b00100],
         _ => [0b11001, 0b11010, 0b00010, 0b00100, 0b01000, 0b01011, 0b10011],
     }
 }
@@ -120,7 +160,11 @@ mod tests {
 
     fn draw(a: &Image, b: &Image, mask: Option<&Image>) -> Picture {
         let options = CompareOptions { mask, ..CompareOptions::default() };
-        Comparison::new(a, b, &options).unwrap().heat_map()
+        Comparison::new(a, b, &options).unwrap().heat_map(Heat::Error)
+    }
+
+    fn colour_of(error: f64) -> [u8; 3] {
+        ramp(position_of(error))
     }
 
     #[test]
@@ -159,5 +203,16 @@ mod tests {
         let picture = draw(&Image::filled(1, 1, [1.0; 3]), &Image::filled(1, 1, [2.0; 3]), None);
         assert_eq!(picture.width(), LEAST_WIDTH);
         assert_eq!(picture.pixel(LEAST_WIDTH - MARGIN - 2, 1 + MARGIN + 1)[0], 255);
+    }
+
+    #[test]
+    fn flip_has_a_scale_of_its_own() {
+        let [black, white] = [0.0, 1.0].map(|value| Image::filled(4, 4, [value; 3]));
+        let comparison = Comparison::new(&black, &white, &CompareOptions::default()).unwrap();
+        let [error, flip, hdr] =
+            [Heat::Error, Heat::Flip, Heat::HdrFlip].map(|heat| comparison.heat_map(heat).pixel(1, 1));
+        // 100 % is two thirds up the logarithmic scale; black for white is as bad as FLIP gets but for its white of 0.9.
+        assert_eq!(error, ramp(2.0 / 3.0));
+        assert!(flip[2] > 200 && hdr[2] > 200, "{flip:?} {hdr:?}");
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! An [`Image`] holds linear Rec. 709 colours in `f32`, usually scene radiance in nits; a [`Picture`] holds the 8-bit
 //! sRGB bytes that a screen shows. [`read`] takes EXR, Radiance HDR or PNG to an [`Image`]; [`write_exr`] and
-//! [`write_png`] go the other way. [`Comparison`] measures one image against another and draws where they differ.
+//! [`write_png`] go the other way; [`Layers`] are an EXR's further channels. [`Comparison`] measures one image against another and draws where they differ.
 //!
 //! ```
 //! use chiaro_image::{Comparison, CompareOptions, Image};
@@ -21,13 +21,18 @@ mod exr_file;
 mod file;
 mod filter;
 mod flip;
+mod hdr_flip;
 mod heat;
+mod layers;
 mod linear;
 mod picture;
+mod ssim;
 
 pub use compare::{CompareOptions, Comparison, Metrics};
 pub use error::ImageError;
 pub use exr_file::{Precision, write_exr};
 pub use file::read;
+pub use heat::Heat;
+pub use layers::{Layers, read_layers, write_layers};
 pub use linear::{Image, MAX_PIXELS};
 pub use picture::{Picture, write_png};

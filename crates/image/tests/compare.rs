@@ -125,10 +125,54 @@ fn everything_at_once_agrees_with_numpy() {
     );
 }
 
+/// PSNR and SSIM by NumPy and SciPy after the definitions that [`Metrics`] states, in double precision; HDR-FLIP by
+/// flip-evaluator 1.7, in single precision.
+#[track_caller]
+fn assert_looks(found: &Metrics, psnr: f64, ssim: f64, hdr_flip: Option<f64>) {
+    assert!((found.psnr - psnr).abs() < 1e-8, "psnr is {}, expected {psnr}", found.psnr);
+    assert!((found.ssim - ssim).abs() < 1e-9, "ssim is {}, expected {ssim}", found.ssim);
+    if let Some(expected) = hdr_flip {
+        assert!((found.hdr_flip - expected).abs() < 2e-5, "HDR-FLIP is {}, not {expected}", found.hdr_flip);
+    }
+}
+
+#[test]
+fn what_a_screen_shows_agrees_with_numpy_and_flip_evaluator() {
+    let found = metrics(&deviating(), &reference(), &CompareOptions::default());
+    assert_looks(&found, 30.157953036008124, 0.9885500467841952, Some(0.0790752));
+    let options = CompareOptions { mask: Some(&mask()), ..CompareOptions::default() };
+    let found = metrics(&deviating(), &reference(), &options);
+    assert_looks(&found, 30.162615570189804, 0.9884159899337583, None);
+}
+
+#[test]
+fn images_of_twelve_stops_agree_with_numpy_and_flip_evaluator() {
+    let reference = pattern(|x, y, c| (((x * 7 + y * 13 + c * 5) % 12) as f32 - 4.0).exp2());
+    let factors = pattern(|x, y, c| 1.0 + ((x * 5 + y * 11 + c * 3) % 16) as f32 / 32.0);
+    let mut image = reference.clone();
+    for (value, factor) in image.pixels_mut().iter_mut().flatten().zip(factors.pixels().iter().flatten()) {
+        *value *= factor;
+    }
+    let found = metrics(&image, &reference, &CompareOptions::default());
+    assert!((found.flip - 0.1823485).abs() < 2e-5, "{found:?}");
+    assert_looks(&found, 28.54123758825926, 0.9914080333180069, Some(0.1370022));
+}
+
 #[test]
 fn an_image_equals_itself() {
     let found = metrics(&reference(), &reference(), &CompareOptions::default());
     assert_golden(&found, [1.0, 0.0, 0.0, 0.0], 768, 0);
+    assert_eq!((found.psnr, found.ssim, found.hdr_flip), (f64::INFINITY, 1.0, 0.0));
+}
+
+#[test]
+fn a_constant_offset_has_the_psnr_that_algebra_gives() {
+    // B is shown at 0.9, A at 0.45; 1 is white.
+    let [a, b] = [0.5, 1.0].map(|value| Image::filled(8, 8, [value; 3]));
+    let srgb = |linear: f64| 1.055 * linear.powf(1.0 / 2.4) - 0.055;
+    let found = metrics(&a, &b, &CompareOptions::default());
+    let expected = -20.0 * (srgb(0.9) - srgb(0.45)).log10();
+    assert!((found.psnr - expected).abs() < 1e-9, "{} is not {expected}", found.psnr);
 }
 
 #[test]

@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::PathBuf;
 
-use chiaro_image::{Image, ImageError, Picture, Precision, read, write_exr, write_png};
+use chiaro_image::{
+    Image, ImageError, Layers, Picture, Precision, read, read_layers, write_exr, write_layers, write_png,
+};
 
 /// A file in the folder that cargo keeps for this test.
 fn scratch(name: &str) -> PathBuf {
@@ -117,4 +119,69 @@ fn damaged_files_never_panic_and_short_ones_are_errors() {
             let _ = read(&damaged);
         }
     }
+}
+
+#[test]
+fn layers_keep_every_bit_and_what_they_are_about() {
+    let odd = [0.0, -0.0, f32::MIN_POSITIVE / 4.0, f32::NAN, f32::INFINITY, 16_777_217.0];
+    let mut layers = Layers::new(3, 2);
+    layers.insert_image("", &Image::from_fn(3, 2, |x, y| [x as f32, y as f32, 0.5])).unwrap();
+    layers.insert("samples", vec![64.0; 6]).unwrap();
+    let texels: Vec<f32> = (0..24).map(|i| odd[i % 6] + (i / 6) as f32).collect();
+    layers.insert_texels("sum", &texels).unwrap();
+    layers.about.insert("scene".into(), "Würfel 立方体: two\nlines".into());
+    layers.about.insert("seed".into(), "7".into());
+    let path = scratch("layers.exr");
+    write_layers(&path, &layers).unwrap();
+
+    let back = read_layers(&path).unwrap();
+    let bits = |values: Option<Vec<f32>>| values.unwrap().into_iter().map(f32::to_bits).collect::<Vec<_>>();
+    assert_eq!(back.names().collect::<Vec<_>>(), layers.names().collect::<Vec<_>>());
+    assert_eq!(bits(back.texels("sum")), bits(Some(texels)));
+    assert_eq!(back.channel("samples"), Some(&[64.0; 6][..]));
+    assert_eq!(back.about["scene"], "Würfel 立方体: two lines");
+    assert_eq!(back.about["seed"], "7");
+    // Who knows of no layers sees the picture.
+    assert_eq!(read(&path).unwrap().pixel(2, 1), [2.0, 1.0, 0.5]);
+
+    let again = scratch("layers_again.exr");
+    write_layers(&again, &layers).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(&again).unwrap());
+}
+
+#[test]
+fn a_layer_needs_a_value_for_every_pixel() {
+    let mut layers = Layers::new(3, 2);
+    let error = layers.insert("samples", vec![1.0; 5]).unwrap_err().to_string();
+    assert!(error.contains("5 values") && error.contains('6'), "{error}");
+    assert!(write_layers(scratch("none.exr"), &layers).unwrap_err().to_string().contains("empty"));
+}
+
+#[test]
+fn damaged_layers_are_one_error_that_names_the_file() {
+    let mut layers = Layers::new(16, 9);
+    layers.insert("samples", (0..144).map(|i| i as f32).collect()).unwrap();
+    layers.about.insert("seed".into(), "7".into());
+    let path = scratch("layers_cut.exr");
+    write_layers(&path, &layers).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    for length in (0..bytes.len()).step_by(7) {
+        std::fs::write(&path, &bytes[..length]).unwrap();
+        let error = read_layers(&path).unwrap_err().to_string();
+        assert!(error.contains("layers_cut.exr") && error.contains("damaged"), "{length}: {error}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn writing_replaces_the_file_behind_a_link_and_leaves_nothing_else() {
+    let folder = scratch("whole");
+    let _ = std::fs::remove_dir_all(&folder);
+    let (file, link) = (folder.join("file.exr"), folder.join("link.exr"));
+    write_exr(&file, &sample(), Precision::Float).unwrap();
+    std::os::unix::fs::symlink("file.exr", &link).unwrap();
+    write_exr(&link, &Image::filled(2, 2, [1.0; 3]), Precision::Float).unwrap();
+    assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+    assert_eq!(read(&file).unwrap().size(), (2, 2));
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 2);
 }

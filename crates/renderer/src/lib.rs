@@ -31,8 +31,9 @@ mod still;
 mod view;
 
 pub use chiaro_gpu::{
-    AdapterChoice, Frame, FrameTimings, Gpu, GpuError, GpuOptions, LimitChoice, OptionalFeatures, PassLog,
-    PassTiming, Pixels, Readback, Recorder, Texture, TexturePool, shader::Library, wgpu,
+    AdapterChoice, BufferReadback, Frame, FrameTimings, Gpu, GpuError, GpuOptions, LimitChoice,
+    OptionalFeatures, PassLog, PassTiming, Pixels, Readback, Recorder, Texture, TexturePool, shader::Library,
+    wgpu,
 };
 pub use chiaro_scene as scene;
 pub use chiaro_techniques as techniques;
@@ -42,7 +43,7 @@ pub use error::Error;
 pub use loaded::LoadedScene;
 pub use pipelines::FrameOutputs;
 pub use plan::{Built, Kit, Plan};
-pub use reference::{Integrator, Reference, ReferenceOptions};
+pub use reference::{FirstHit, Integrator, Reference, ReferenceOptions};
 pub use renderer::Renderer;
 pub use settings::{Pipeline, Settings};
 pub use still::{Jitter, Still, StillOptions};

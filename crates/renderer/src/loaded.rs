@@ -51,6 +51,11 @@ impl LoadedScene {
         Self { gpu, lights, directional, radiance_scale: octave.exp2(), openness, environment, pose }
     }
 
+    /// How everything stands now.
+    pub fn pose(&self) -> &Pose {
+        &self.pose
+    }
+
     /// Moves everything to a pose of the scene that this was loaded from, usually [`Scene::pose`] at a time. The next
     /// frame shows it, and knows where everything was before. A loaded scene starts with the pose at time 0.
     pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) {

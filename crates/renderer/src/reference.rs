@@ -1,16 +1,20 @@
 //! Light transport without shortcuts, sample by sample.
 
 use bytemuck::Zeroable;
-use chiaro_gpu::{Frame, Gpu, Readback, Texture, wgpu};
-use chiaro_scene::Scene;
+use chiaro_gpu::{Buffer, Frame, Gpu, Readback, Texture, wgpu};
+use chiaro_scene::{Pose, Scene};
 use chiaro_techniques::motion::Motion;
 use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceScene};
-use chiaro_techniques::reference::path::{Interfaces, PathOptions, PathSum, PathTracer};
+use chiaro_techniques::reference::first_hit::{FirstHitSum, FirstHitTracer};
+use chiaro_techniques::reference::path::{Interfaces, PathNoise, PathOptions, PathSum, PathTracer};
 use chiaro_techniques::reference::photon::{
     PhotonMap, PhotonOptions, PhotonTracer, PhotonView, specular_bounds,
 };
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup, LightData};
-use glam::Vec2;
+use chiaro_techniques::surface::SceneFacts;
+use glam::{Vec2, Vec3};
+
+pub use chiaro_techniques::reference::first_hit::FirstHit;
 
 use crate::loaded::WHITE_STORED;
 use crate::{Error, Kit, LoadedScene, Settings, View};
@@ -48,6 +52,14 @@ impl Default for ReferenceOptions {
 
 /// Samples that share light paths: enough for lanes to balance long paths with short ones.
 const ROUND: u32 = 4;
+/// Dispatches that [`Reference::refine`] records at most.
+const DISPATCHES: u32 = 16;
+/// Rows that workgroups cover.
+const BAND: u32 = 8;
+/// Samples of a pixel in one dispatch at most: a driver's watchdog should not notice.
+const SAMPLES_AT_ONCE: u32 = 64;
+/// Lanes of light paths in one dispatch at least.
+const LEAST_LANES: u32 = 1 << 10;
 
 /// An image being traced: the mean of samples that [`Reference::add`] adds.
 ///
@@ -59,10 +71,38 @@ pub struct Reference {
     frame_group: FrameGroup,
     traced: TraceScene,
     tracer: PathTracer,
-    photons: Option<(PhotonTracer, PhotonMap)>,
+    noise: PathNoise,
+    photons: Option<Photons>,
     following: Option<Following>,
+    extent: Extent,
     sum: PathSum,
+    observer: Option<FirstHitTracer>,
+    observed: Vec<FirstHitSum>,
     options: ReferenceOptions,
+}
+
+/// Light paths of the pass under way.
+#[derive(Debug)]
+struct Photons {
+    tracer: PhotonTracer,
+    // Of the image's size; none before there is one.
+    map: Option<PhotonMap>,
+    lanes_done: u32,
+}
+
+/// Where light goes.
+#[derive(Clone, Copy, Debug)]
+struct Extent {
+    bounds_ws: (Vec3, Vec3),
+    // Of what mirrors or refracts.
+    specular_ws: Option<(Vec3, Vec3)>,
+}
+
+impl Extent {
+    fn of(scene: &Scene, pose: &Pose) -> Self {
+        let bounds_ws = scene.bounds_at(pose).unwrap_or_default();
+        Self { bounds_ws, specular_ws: specular_bounds(scene, pose) }
+    }
 }
 
 /// Passes for scenes that move.
@@ -82,62 +122,131 @@ impl Reference {
         kit: &Kit,
         (scene, loaded): (&Scene, &LoadedScene),
         settings: &Settings,
-        (view, size_px): (&View, [u32; 2]),
+        image: (&View, [u32; 2]),
+        options: ReferenceOptions,
+    ) -> Result<Self, Error> {
+        let mut reference = Self::build(kit, scene, (&loaded.pose, loaded.gpu.facts), options)?;
+        reference.restart(loaded, settings, image)?;
+        kit.gpu.check()?;
+        Ok(reference)
+    }
+
+    /// The part of [`Reference::new`] that takes up to seconds and that any thread may do: trees and pipelines, for an image
+    /// of one pixel until [`Reference::restart`] says which. `facts` are those of the scene as uploaded.
+    ///
+    /// # Errors
+    /// As [`Reference::new`].
+    pub fn build(
+        kit: &Kit,
+        scene: &Scene,
+        (pose, facts): (&Pose, SceneFacts),
         options: ReferenceOptions,
     ) -> Result<Self, Error> {
         let gpu = &kit.gpu;
-        let traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
-        let facts = (loaded.gpu.facts, traced.facts, Interfaces::of(scene));
-        let moves = loaded.gpu.motion.moves();
-        let following = moves.then(|| -> Result<_, Error> {
+        let traced = TraceData::build(scene, pose).upload(gpu)?;
+        let facts = (facts, traced.facts, Interfaces::of(scene));
+        let following = scene.duration_s().map(|_| -> Result<_, Error> {
             let (motion, refit) = (Motion::new(gpu, &kit.library)?, Refit::new(gpu, &kit.library)?);
             Ok(Following { motion, refit })
         });
         let following = following.transpose()?;
-        let photon_view = photon_view((scene, loaded), (view, size_px));
+        let extent = Extent::of(scene, pose);
         let needed = match options.integrator {
             Integrator::Path => false,
             Integrator::Photon => true,
-            Integrator::Full => photon_view.specular_ws.is_some(),
+            Integrator::Full => extent.specular_ws.is_some(),
         };
         let frame_layout = FrameGroup::layout_without_shadows(gpu);
         let layouts = (&frame_layout, &kit.scene_layout);
         let tracer = PathTracer::new(gpu, &kit.library, layouts, facts, needed)?;
         let photons = needed.then(|| -> Result<_, Error> {
-            Ok((PhotonTracer::new(gpu, &kit.library, layouts, facts)?, PhotonMap::new(gpu, photon_view)?))
+            let tracer = PhotonTracer::new(gpu, &kit.library, layouts, facts)?;
+            Ok(Photons { tracer, map: None, lanes_done: 0 })
         });
-        let photons = photons.transpose()?;
-        let mut frame_group = kit.frame_group_of(&frame_layout)?;
-        let environment = loaded.environment.as_ref().map(|map| &map.texture);
-        frame_group.reserve(gpu, loaded.lights.len(), 0, environment);
-        write_frame(gpu, &frame_group, loaded, &frame_data(loaded, settings, view, size_px));
-        let sum = PathSum::new(gpu, size_px, needed);
-        gpu.check()?;
-        Ok(Self { kit: kit.clone(), frame_group, traced, tracer, photons, following, sum, options })
+        Ok(Self {
+            kit: kit.clone(),
+            frame_group: kit.frame_group_of(&frame_layout)?,
+            traced,
+            tracer,
+            noise: PathNoise::new(gpu, &kit.library)?,
+            photons: photons.transpose()?,
+            following,
+            extent,
+            sum: PathSum::new(gpu, [1; 2], needed),
+            observer: None,
+            observed: Vec::new(),
+            options,
+        })
     }
 
-    /// Starts the image again where the scene and the camera are now: `loaded` has taken another pose since. The trees
-    /// follow, which is quicker than building them anew but leaves those of bending meshes as good as they fit.
+    /// Starts a new image with the same trees: from another view, of another size, with other settings. Makes textures only
+    /// where the size is another than before.
     ///
     /// # Errors
-    /// When trees had to be built anew and do not fit the adapter.
+    /// When the image's light paths do not fit the adapter.
+    pub fn restart(
+        &mut self,
+        loaded: &LoadedScene,
+        settings: &Settings,
+        (view, size_px): (&View, [u32; 2]),
+    ) -> Result<(), Error> {
+        let gpu = &self.kit.gpu;
+        let same_size = self.sum.size_px() == size_px;
+        if let Some(photons) = &mut self.photons {
+            let seen = PhotonView {
+                size_px,
+                pixel_m2: view.pixel_m2(size_px),
+                typical_nits: WHITE_STORED / loaded.radiance_scale,
+                bounds_ws: self.extent.bounds_ws,
+                specular_ws: self.extent.specular_ws,
+            };
+            match &mut photons.map {
+                Some(map) if same_size => map.view = seen,
+                map => *map = Some(PhotonMap::new(gpu, seen)?),
+            }
+            photons.lanes_done = 0;
+        }
+        let environment = loaded.environment.as_ref().map(|map| &map.texture);
+        self.frame_group.reserve(gpu, loaded.lights.len(), 0, environment);
+        write_frame(gpu, &self.frame_group, loaded, &frame_data(loaded, settings, view, size_px));
+        if same_size {
+            self.sum.resume(0);
+        } else {
+            self.sum = PathSum::new(gpu, size_px, self.photons.is_some());
+        }
+        Ok(())
+    }
+
+    /// Starts the image again where the scene is now: `loaded` has taken another pose since. The trees follow, which is
+    /// quicker than building them anew but leaves those of bending meshes as good as they fit.
+    ///
+    /// # Errors
+    /// When trees had to be built anew, or light paths to be made room for, and do not fit the adapter.
     pub fn follow(
         &mut self,
         (scene, loaded): (&Scene, &LoadedScene),
         settings: &Settings,
-        view: &View,
+        image: (&View, [u32; 2]),
     ) -> Result<(), Error> {
         let gpu = &self.kit.gpu;
         if !self.traced.update(gpu, scene, &loaded.pose) {
             self.traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
         }
-        let size = self.sum.sum().options();
-        let size_px = [size.width, size.height];
-        write_frame(gpu, &self.frame_group, loaded, &frame_data(loaded, settings, view, size_px));
-        if let Some((_, map)) = &mut self.photons {
-            map.view = photon_view((scene, loaded), (view, size_px));
-        }
-        self.sum.resume(0);
+        self.extent = Extent::of(scene, &loaded.pose);
+        self.restart(loaded, settings, image)
+    }
+
+    /// Sums up these quantities, too, in layers of the name [`FirstHit::layer`]. To be said before the first sample.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn observe(&mut self, loaded: &LoadedScene, wanted: &[FirstHit]) -> Result<(), Error> {
+        let Kit { gpu, library, scene_layout, .. } = &self.kit;
+        let frame_layout = FrameGroup::layout_without_shadows(gpu);
+        let facts = (loaded.gpu.facts, self.traced.facts);
+        self.observer = Some(FirstHitTracer::new(gpu, library, (&frame_layout, scene_layout), facts)?);
+        let size_px = self.sum.size_px();
+        self.observed = wanted.iter().map(|&what| FirstHitSum::new(gpu, size_px, what)).collect();
         Ok(())
     }
 
@@ -149,39 +258,120 @@ impl Reference {
 
     /// Light paths for each sample of the image; 0 where there are none.
     pub fn light_paths(&self) -> u32 {
-        self.photons.as_ref().map_or(0, |(_, map)| map.lanes())
+        self.photons.as_ref().and_then(|photons| photons.map.as_ref()).map_or(0, PhotonMap::lanes)
     }
 
-    /// Records `count` more samples of every pixel, in whole rounds. However they are grouped, the image is the same.
+    /// Records `count` more samples of every pixel, in whole rounds, beside those that [`Reference::refine`] has under way.
+    /// However they are grouped, the image is the same.
     pub fn add(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene, count: u32) {
+        let all = self.sum.samples().saturating_add(self.sum.rows_ahead().1).saturating_add(count);
+        while self.sum.samples() < all {
+            let now = self.most_at_once().min(all - self.sum.samples());
+            self.record(frame, loaded, now, u64::MAX);
+        }
+    }
+
+    /// Records about `work` samples of single pixels or light paths, but not more than `most` of each pixel, rounded up to
+    /// whole rounds: some rows of the image or the whole image several times, so that a dispatch takes as long as a window
+    /// can bear. Returns how many it recorded. The image is the same as [`Reference::add`] makes, and
+    /// [`Reference::samples`] counts what all rows have.
+    pub fn refine(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene, work: u64, most: u32) -> u64 {
+        let pixels: u64 = self.sum.size_px().map(u64::from).iter().product();
+        let mut recorded = 0;
+        for _ in 0..DISPATCHES {
+            let left = work.saturating_sub(recorded);
+            let wanted = most.saturating_sub(self.sum.samples()).min(self.most_at_once());
+            let count = wanted.min((left / pixels).clamp(1, u64::from(u32::MAX)) as u32);
+            if count == 0 || (recorded > 0 && left < self.least_work(count)) {
+                break;
+            }
+            recorded += self.record(frame, loaded, count, left);
+        }
+        recorded
+    }
+
+    /// Samples that one dispatch may take of a pixel.
+    fn most_at_once(&self) -> u32 {
+        // See round().
+        if self.kit.gpu.is_software() { 1 } else { SAMPLES_AT_ONCE }
+    }
+
+    /// Work of the smallest dispatch that comes next.
+    fn least_work(&self, count: u32) -> u64 {
+        let count = match self.sum.rows_ahead().1 {
+            0 if self.photons.is_some() => self.round(),
+            0 => count,
+            under_way => under_way,
+        };
+        u64::from(count) * u64::from(BAND * self.sum.size_px()[0])
+    }
+
+    /// Records one dispatch of at most about `work`, that of a pass over the image with `count` samples which begins, or of
+    /// the one that is under way; returns its work.
+    fn record(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene, count: u32, work: u64) -> u64 {
         let ReferenceOptions { integrator, max_depth, diffuse_bounces, seed } = self.options;
-        let alone = integrator == Integrator::Photon;
-        // Beside light paths that bring all else, what is seen of lights themselves.
-        let path = PathOptions { max_depth: if alone { 1 } else { max_depth }, diffuse_bounces, seed };
-        let light = PhotonOptions { max_depth, diffuse_bounces, seed, caustics_only: !alone };
-        let following = self.following.as_mut().filter(|_| self.traced.stale());
-        if let Some(Following { motion, refit }) = following {
+        if let Some(Following { motion, refit }) = self.following.as_mut().filter(|_| self.traced.stale()) {
             motion.record(frame, &loaded.gpu);
             refit.record(frame, &loaded.gpu, &mut self.traced);
         }
         let scene = (self.frame_group.group(), &loaded.gpu, &self.traced);
-        let each = match self.photons {
-            Some(_) => self.round(),
-            None if self.kit.gpu.is_software() => 1,
-            None => count.max(1),
+        let (first, round) = (self.sum.samples(), self.round());
+        let (rows_done, under_way) = self.sum.rows_ahead();
+        let alone = integrator == Integrator::Photon;
+        if let Some(Photons { tracer, map: Some(map), lanes_done }) = &mut self.photons
+            && under_way == 0
+            && *lanes_done < map.lanes()
+        {
+            let options = PhotonOptions { max_depth, diffuse_bounces, seed, caustics_only: !alone };
+            let lanes = (work / u64::from(round)).clamp(u64::from(LEAST_LANES), u64::from(u32::MAX)) as u32;
+            let end = lanes_done.saturating_add(lanes).min(map.lanes());
+            let traced = u64::from(end - *lanes_done) * u64::from(round);
+            tracer.record(frame, scene, options, (first, round), (map, *lanes_done..end));
+            *lanes_done = end;
+            return traced;
+        }
+        let map = self.photons.as_ref().and_then(|photons| photons.map.as_ref());
+        let count = match under_way {
+            0 if map.is_some() => round,
+            0 => count,
+            under_way => under_way,
         };
-        for first in (0..count).step_by(each as usize) {
-            match &self.photons {
-                Some((tracer, map)) => {
-                    tracer.record(frame, scene, light, (self.sum.samples(), each), map);
-                    self.tracer.record(frame, scene, path, each, (&mut self.sum, Some(map)));
-                }
-                None => {
-                    let now = each.min(count - first);
-                    self.tracer.record(frame, scene, path, now, (&mut self.sum, None));
-                }
+        if let Some(observer) = self.observer.as_ref().filter(|_| under_way == 0) {
+            for sum in &mut self.observed {
+                observer.record(frame, scene, seed, (first, count), sum);
             }
         }
+        // Beside light paths that bring all else, what is seen of lights themselves.
+        let path = PathOptions { max_depth: if alone { 1 } else { max_depth }, diffuse_bounces, seed };
+        let [width, height] = self.sum.size_px();
+        let row = u64::from(count) * u64::from(width);
+        let bands = (work / (row * u64::from(BAND))).clamp(1, u64::from(u32::MAX / BAND)) as u32;
+        let rows = (bands * BAND).min(height - rows_done);
+        self.tracer.record(frame, scene, path, (count, rows), (&mut self.sum, map));
+        if let Some(photons) = self.photons.as_mut().filter(|_| self.sum.rows_ahead().1 == 0) {
+            photons.lanes_done = 0;
+        }
+        u64::from(rows) * row
+    }
+
+    /// Records a measurement of the noise, to be read from [`Reference::noise`] once the frame is submitted.
+    pub fn measure_noise(&self, frame: &mut Frame<'_>) {
+        self.noise.record(frame, &self.sum, self.round());
+    }
+
+    /// One `f32`: pixels' mean standard error relative to the mean of the image, when that was last measured.
+    pub fn noise(&self) -> &Buffer {
+        self.noise.buffer()
+    }
+
+    /// Nits summed over [`Reference::samples`], and how much of the pixel surfaces cover.
+    pub fn sum_texture(&self) -> &Texture {
+        self.sum.sum()
+    }
+
+    /// Share of the rows that have more samples than [`Reference::samples`] says, 0..1.
+    pub fn under_way(&self) -> f32 {
+        self.sum.rows_ahead().0 as f32 / self.sum.size_px()[1] as f32
     }
 
     /// Samples a pixel so far.
@@ -207,7 +397,7 @@ impl Reference {
 
     /// Everything that samples are added to, by names that stay: Rgba32Float, summed over samples.
     pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture)> {
-        self.sum.layers()
+        self.sum.layers().chain(self.observed.iter().map(|sum| (sum.what.layer(), sum.texture())))
     }
 
     /// A read-back of each of [`Reference::layers`]: all that [`Reference::restore`] needs.
@@ -258,16 +448,6 @@ fn upload(gpu: &Gpu, texture: &Texture, texels: &[f32]) {
         wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * width), rows_per_image: None },
         wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
     );
-}
-
-fn photon_view((scene, loaded): (&Scene, &LoadedScene), (view, size_px): (&View, [u32; 2])) -> PhotonView {
-    PhotonView {
-        size_px,
-        pixel_m2: view.pixel_m2(size_px),
-        typical_nits: WHITE_STORED / loaded.radiance_scale,
-        bounds_ws: scene.bounds_at(&loaded.pose).unwrap_or_default(),
-        specular_ws: specular_bounds(scene, &loaded.pose),
-    }
 }
 
 fn write_frame(gpu: &Gpu, group: &FrameGroup, loaded: &LoadedScene, data: &FrameData) {

@@ -11,6 +11,7 @@ pub mod builtin;
 mod defaults;
 mod deform;
 mod error;
+mod fingerprint;
 mod import;
 #[doc(hidden)]
 pub mod invariants;

@@ -7,7 +7,9 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
 use crate::reference::bvh::refit::{NodeBox, RefitJob};
+use crate::reference::first_hit::FirstHitPass;
 use crate::reference::path::PathPass;
+use crate::reference::path::noise::NoiseInput;
 use crate::reference::photon::PhotonPass;
 use crate::shaders;
 use crate::shadow::DrawView;
@@ -184,7 +186,21 @@ fn rust_structs_equal_their_wesl_twins() {
         max_depth,
         diffuse_bounces,
         seed,
+        first_row,
+        rows,
         reserved,
+    );
+    same!(
+        &linked("reference/first_hit.cs.wesl"),
+        FirstHitPass,
+        "FirstHitPass",
+        size_px,
+        first_sample,
+        sample_count,
+        what,
+        seed,
+        reserved0,
+        reserved1,
     );
     same!(
         &linked("reference/photon/trace.cs.wesl"),
@@ -209,10 +225,23 @@ fn rust_structs_equal_their_wesl_twins() {
         shrunk,
         footprint,
         share,
+        first_lane,
+        end_lane,
+        reserved,
     );
     let refit = &linked("reference/bvh/refit.cs.wesl");
     same!(refit, RefitJob, "RefitJob", node, own, children, pad);
     same!(refit, NodeBox, "NodeBox", lo, leaf_area, hi, area);
+    same!(
+        &linked("reference/path/noise.cs.wesl"),
+        NoiseInput,
+        "NoiseInput",
+        size_px,
+        samples,
+        step_px,
+        round,
+        reserved
+    );
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
     same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags, hole);
     let instances = &linked("motion/instances.cs.wesl");

@@ -34,9 +34,12 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("post/tone_map.cs.wesl"),
     shader!("reference/bvh/corners.cs.wesl"),
     shader!("reference/bvh/refit.cs.wesl"),
+    shader!("reference/camera.wesl"),
+    shader!("reference/first_hit.cs.wesl"),
     shader!("reference/path/bsdf.wesl"),
     shader!("reference/path/emitters.wesl"),
     shader!("reference/path/medium.wesl"),
+    shader!("reference/path/noise.cs.wesl"),
     shader!("reference/path/sampler.wesl"),
     shader!("reference/path/trace.cs.wesl"),
     shader!("reference/path/vertex.wesl"),
@@ -117,6 +120,7 @@ pub fn permutations() -> Vec<Permutation> {
         "post/tone_map.cs.wesl",
         "reference/bvh/corners.cs.wesl",
         "reference/bvh/refit.cs.wesl",
+        "reference/path/noise.cs.wesl",
         "shadow/depth_bounds.cs.wesl",
         "shadow/fit.cs.wesl",
         "shadow/raster/resolve.cs.wesl",
@@ -127,7 +131,7 @@ pub fn permutations() -> Vec<Permutation> {
         "surface/cull_scan.cs.wesl",
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
-    all.extend([debug_view(Viewed::Grid, false), background(), photon_trace()]);
+    all.extend([debug_view(Viewed::Grid, false), background(), photon_trace(), first_hit()]);
     for a in [false, true] {
         all.extend([Viewed::Float, Viewed::Integer, Viewed::Depth].map(|what| debug_view(what, a)));
         all.push(resolve(a, false));
@@ -211,6 +215,11 @@ pub fn path_trace(photons: bool) -> Permutation {
 /// Light paths.
 pub fn photon_trace() -> Permutation {
     Permutation::plain("reference/photon/trace.cs.wesl").flag("photons", true).flag(FLOAT_MAPS, false)
+}
+
+/// What the camera sees first.
+pub fn first_hit() -> Permutation {
+    plain("reference/first_hit.cs.wesl")
 }
 
 /// One quantity of surface or light.

@@ -112,7 +112,7 @@ impl Rebuilt {
 
 /// Validation errors of `work` become its own, where they would else be the device's.
 #[cfg(not(target_arch = "wasm32"))]
-fn caught<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+pub(crate) fn caught<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
     let scope = gpu.device.push_error_scope(chiaro::wgpu::ErrorFilter::Validation);
     let result = work();
     match pollster::block_on(scope.pop()) {
@@ -123,6 +123,6 @@ fn caught<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, Error>) -> Result<T, Er
 
 /// In the browser a scope's outcome cannot be waited for: errors are the device's.
 #[cfg(target_arch = "wasm32")]
-fn caught<T>(_gpu: &Gpu, work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+pub(crate) fn caught<T>(_gpu: &Gpu, work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
     work()
 }

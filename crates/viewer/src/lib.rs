@@ -22,8 +22,10 @@ mod reload;
 mod shell;
 mod stage;
 mod timings;
+mod truth;
 mod viewer;
 
 pub use error::ViewerError;
 pub use shell::{Shell, Wake, run};
+pub use truth::Compare;
 pub use viewer::{Canvas, Options, Outcome, StartCamera, Viewer};

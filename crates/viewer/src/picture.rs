@@ -36,6 +36,16 @@ pub struct Picture {
     drawn: Option<Drawn>,
     // The sum holds a frame of a picture that moved, taken without jitter.
     moved: bool,
+    truth: Option<Shows>,
+}
+
+/// Which part of a picture shows the truth, and of how many samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shows {
+    /// From here on.
+    pub first_column: u32,
+    /// Of every pixel.
+    pub samples: u32,
 }
 
 impl Picture {
@@ -49,12 +59,28 @@ impl Picture {
             buffer: None,
             drawn: None,
             moved: false,
+            truth: None,
         }
     }
 
     /// The picture, 8-bit sRGB.
     pub fn texture(&self) -> Option<&Texture> {
         self.textures.as_ref().map(|(_, picture)| picture)
+    }
+
+    /// Pixels, once there is room for them.
+    pub fn size_px(&self) -> Option<[u32; 2]> {
+        self.texture().map(|picture| [picture.options().width, picture.options().height])
+    }
+
+    /// Whether the newest frame was one of a picture that moved.
+    pub fn moves(&self) -> bool {
+        self.moved
+    }
+
+    /// Which part shows the truth.
+    pub fn truth(&self) -> Option<Shows> {
+        self.truth
     }
 
     /// What the buffer that is shown turned out to be.
@@ -88,6 +114,7 @@ impl Picture {
         let picture = Display::picture(&self.gpu, &self.pool, size_px);
         self.textures = Some((Sum::new(&self.gpu, &self.pool, size_px), picture));
         self.key = None;
+        self.truth = None;
         true
     }
 
@@ -167,17 +194,40 @@ impl Picture {
         let outputs = renderer.frame(frame, &stage.loaded, buffer.is_some());
         passes.accumulator.record(frame, &outputs.radiance, 1.0 / stage.loaded.radiance_scale, sum);
         passes.display.record(frame, &renderer.settings().camera, sum, picture);
+        self.truth = None;
         if let Some((scratch, picture)) = buffer {
             self.drawn = Some(buffers::draw(frame, engine, stage, &outputs, shown, (scratch, picture)));
         }
     }
 
-    /// A copy of the picture and of its radiance (nits summed over the frames) on their way to the CPU.
+    /// Records the truth into its part of the picture, exposed like the rest, and the frames' own sum where the truth is no
+    /// longer shown. `truth` is nits summed over samples.
+    pub fn show_truth(&mut self, frame: &mut Frame<'_>, engine: &Engine, truth: Option<(&Texture, Shows)>) {
+        let Some((sum, picture)) = &self.textures else { return };
+        let (display, camera) = (&engine.passes.display, &engine.renderer.settings().camera);
+        let first = truth.map(|(_, shows)| shows.first_column);
+        if self.truth.is_some_and(|before| first.is_none_or(|first| first > before.first_column)) {
+            display.tone_map(frame, camera, (sum.texture(), sum.frames()), 0, picture);
+        }
+        if let Some((texture, shows)) = truth {
+            display.tone_map(frame, camera, (texture, shows.samples), shows.first_column, picture);
+        }
+        self.truth = truth.map(|(_, shows)| shows);
+    }
+
+    /// A copy of the picture and of its radiance on their way to the CPU: nits summed over the frames, or, where the truth
+    /// fills the picture, over its samples.
     ///
     /// # Errors
     /// When it is too large to be read.
-    pub fn read(&self, shown: Shown) -> Option<Result<Shot, chiaro::GpuError>> {
+    pub fn read(
+        &self,
+        shown: Shown,
+        truth: Option<(&Texture, u32)>,
+    ) -> Option<Result<Shot, chiaro::GpuError>> {
         let (sum, picture) = self.textures.as_ref()?;
+        let truth = truth.filter(|_| self.truth.is_some_and(|shows| shows.first_column == 0));
+        let (radiance, frames) = truth.unwrap_or((sum.texture(), sum.frames()));
         let picture = match &self.buffer {
             Some((_, buffer)) if shown.place == Place::Full => buffer,
             _ => picture,
@@ -185,8 +235,8 @@ impl Picture {
         let start = || {
             Ok(Shot {
                 picture: Readback::start(&self.gpu, picture)?,
-                radiance: Readback::start(&self.gpu, sum.texture())?,
-                frames: sum.frames(),
+                radiance: Readback::start(&self.gpu, radiance)?,
+                frames,
             })
         };
         Some(start())

@@ -1,5 +1,7 @@
 //! A scene on show: what is on the GPU, and what the panel says about it.
 
+use std::sync::Arc;
+
 use chiaro::scene::{self, Pose, Scene};
 use chiaro::{Error, Kit, LoadedScene, View};
 
@@ -10,8 +12,8 @@ pub struct Stage {
     pub source: String,
     /// For the title.
     pub name: String,
-    /// On the CPU, for poses and cameras.
-    pub scene: Scene,
+    /// On the CPU, for poses, cameras and trees.
+    pub scene: Arc<Scene>,
     /// On the GPU.
     pub loaded: LoadedScene,
     /// Names of the cameras, in placing order.
@@ -58,7 +60,7 @@ impl Stage {
         let cameras = cameras.iter().enumerate().map(label).collect();
         let duration_s = scene.duration_s().map(f64::from).filter(|s| *s > 0.0);
         let pose = scene.pose(0.0);
-        Self { source: source.to_owned(), name, cameras, duration_s, pose, loaded, scene }
+        Self { source: source.to_owned(), name, cameras, duration_s, pose, loaded, scene: Arc::new(scene) }
     }
 
     /// Moves everything to a moment.

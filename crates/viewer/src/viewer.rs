@@ -12,11 +12,12 @@ use crate::engine::{Engine, Rebuilt};
 use crate::files;
 use crate::jobs::Jobs;
 use crate::panel::{Notices, PanelState};
-use crate::picture::{Picture, Shot};
+use crate::picture::{Picture, Shot, Shows};
 use crate::playback::Playback;
 use crate::reload::ShaderFiles;
 use crate::stage::Stage;
 use crate::timings::TimingHistory;
+use crate::truth::{Compare, Truth};
 
 /// Which camera a viewer starts with.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,6 +44,8 @@ pub struct Options {
     pub camera: StartCamera,
     /// Size of the window's inside, in pixels.
     pub size: [u32; 2],
+    /// Samples a pixel that the path-traced truth ends with.
+    pub truth_samples: u32,
     /// A folder of WESL files that take the place of the built-in shaders, and are read again when they change.
     pub shaders: Option<PathBuf>,
 }
@@ -55,10 +58,14 @@ impl Default for Options {
             settings: Settings::default(),
             camera: StartCamera::First,
             size: [1280, 800],
+            truth_samples: 4096,
             shaders: None,
         }
     }
 }
+
+/// When the GPU is asked again whether it has done what it was given.
+const GPU_BUSY: Duration = Duration::from_millis(3);
 
 /// What a frame is drawn to.
 #[derive(Clone, Copy, Debug)]
@@ -141,6 +148,7 @@ pub struct Viewer {
     pub(crate) speed: f32,
     pub(crate) playback: Playback,
     pub(crate) picture: Picture,
+    pub(crate) truth: Truth,
     pub(crate) picture_id: Option<egui::TextureId>,
     pub(crate) buffer_id: Option<egui::TextureId>,
     shot: Option<(Shot, files::Wanted)>,
@@ -201,6 +209,8 @@ impl Viewer {
         let wake = ctx.clone();
         let painter = egui_wgpu::Renderer::new(&gpu.device, format, egui_wgpu::RendererOptions::default());
         let mut jobs = Jobs::new(move || wake.request_repaint());
+        let wake = ctx.clone();
+        let truth = Truth::new(gpu, options.truth_samples, move || wake.request_repaint());
         let environment = options.environment.map(|path| path.to_string_lossy().into_owned());
         start(&mut jobs, gpu, &options.settings, &options.scene, environment.as_deref());
         let mut viewer = Self {
@@ -220,6 +230,7 @@ impl Viewer {
             speed: 1.0,
             playback: Playback::default(),
             picture: Picture::new(gpu),
+            truth,
             picture_id: None,
             buffer_id: None,
             shot: None,
@@ -311,6 +322,31 @@ impl Viewer {
         self.picture.frames()
     }
 
+    /// How the picture is compared with the path-traced truth.
+    pub fn compare(&self) -> Compare {
+        self.panel.compare
+    }
+
+    /// Compares the picture with the truth, as the panel does.
+    pub fn set_compare(&mut self, compare: Compare) {
+        self.panel.compare = compare;
+    }
+
+    /// Samples a pixel of the truth, and its radiance in nits summed over them; `None` before there is one.
+    pub fn truth(&self) -> Option<(&chiaro::Texture, u32)> {
+        self.truth.sum()
+    }
+
+    /// Mean standard error of the truth's pixels relative to its mean, once that was measured.
+    pub fn truth_noise(&self) -> Option<f32> {
+        self.truth.noise()
+    }
+
+    /// First column of the picture that shows the truth; `None` where none does.
+    pub fn truth_column(&self) -> Option<u32> {
+        self.picture.truth().map(|shows| shows.first_column)
+    }
+
     /// What is wrong with the shaders on disk; the last good ones are in use.
     pub fn shader_error(&self) -> Option<&str> {
         self.panel.shader_error.as_deref()
@@ -333,6 +369,7 @@ impl Viewer {
             settings: self.wanted.clone(),
             environment: self.environment.as_ref().map(PathBuf::from),
             camera: self.view().map_or(StartCamera::First, StartCamera::At),
+            truth_samples: self.truth.most_samples(),
             shaders: self.shader_folder.clone(),
             ..Options::default()
         }
@@ -346,6 +383,7 @@ impl Viewer {
     /// Draws a frame. Without a canvas (a window that is minimised) it only takes in what has been loaded or compiled.
     pub fn frame(&mut self, input: egui::RawInput, canvas: Option<Canvas<'_>>) -> Outcome {
         self.take_reports();
+        self.truth.take_reports();
         self.take_shaders();
         self.take_shot();
         self.settle();
@@ -438,6 +476,7 @@ impl Viewer {
                     self.building = false;
                     if purpose == Purpose::Shaders {
                         self.panel.shader_error = None;
+                        self.truth.shaders_changed();
                     }
                     if let Some(engine) = &mut self.engine {
                         // One that is out of date is planned again by `settle`.
@@ -514,7 +553,7 @@ impl Viewer {
 
     /// Starts reading back the picture, to be written when it has arrived.
     pub fn screenshot(&mut self, exr: bool) {
-        match self.picture.read(self.panel.shown_buffer) {
+        match self.picture.read(self.panel.shown_buffer, self.truth.sum()) {
             Some(Ok(shot)) => self.shot = Some((shot, files::Wanted { exr })),
             Some(Err(error)) => self.notices.fail(error.to_string()),
             None => {}
@@ -619,19 +658,51 @@ impl Viewer {
             self.buffer_id = view.map(|view| offer(&mut self.painter, &self.gpu, view, self.buffer_id));
         }
         let now = (self.playback.time_s, shown);
-        let wanted = self.picture.wants_frame(engine, stage, &view, now);
-        if !wanted && !self.panel.continuous {
+        let compare = self.panel.compare;
+        let draws = self.picture.wants_frame(engine, stage, &view, now);
+        self.truth.settle(engine, stage, compare != Compare::Off);
+        if compare != Compare::Off {
+            self.truth.aim(engine.renderer.settings(), stage, (&view, size_px));
+        }
+        let wanted = compare != Compare::Off && self.truth.wants_samples();
+        let refines = wanted && self.truth.is_ready(self.picture.moves());
+        // At rest the two take turns: a slow frame would starve the truth.
+        let waits = wanted && !self.picture.moves() && self.truth.samples() < self.picture.frames();
+        let draws = draws && !waits || self.panel.continuous;
+        let shows = |truth: &Truth| {
+            let first_column = compare.first_column(self.panel.divider, size_px[0])?;
+            Some(Shows { first_column, samples: truth.sum()?.1 })
+        };
+        self.animated = draws || refines;
+        if !draws && !refines && shows(&self.truth) == self.picture.truth() {
+            if wanted {
+                self.ctx.request_repaint_after(GPU_BUSY);
+            }
             return;
         }
-        self.animated = true;
         let mut frame = self.recorder.begin();
-        self.picture.record(&mut frame, engine, (stage, &view), shown);
+        if draws {
+            self.picture.record(&mut frame, engine, (stage, &view), shown);
+        }
+        if refines {
+            self.truth.record(&mut frame, stage);
+        }
+        let shown_truth = shows(&self.truth);
+        if shown_truth != self.picture.truth() {
+            let sum = self.truth.sum().map(|(texture, _)| texture);
+            self.picture.show_truth(&mut frame, engine, sum.zip(shown_truth));
+        }
         frame.submit();
+        if refines {
+            self.truth.submitted(!draws);
+        }
         for timings in self.recorder.take_timings() {
             self.timings.gpu_took(&timings);
         }
         self.timings.frame_took(f64::from(self.ctx.input(|i| i.unstable_dt)) * 1e3);
-        self.panel.notes = engine.renderer.notes().to_vec();
+        if draws {
+            self.panel.notes = engine.renderer.notes().to_vec();
+        }
     }
 
     /// Paints the window's content.

@@ -189,7 +189,7 @@ impl Display {
             bins: Buffer::new(gpu, "histogram", Life::Frame, 4 * 256, storage),
             histogram_input: uniform::<[u32; 4]>(gpu, "histogram_input"),
             exposure_input: uniform::<[u32; 4]>(gpu, "exposure_input"),
-            exposure_value: Buffer::new(gpu, "exposure", Life::Frame, 16, storage),
+            exposure_value: Buffer::new(gpu, "exposure", Life::Kept, 16, storage),
             curve: uniform::<[u32; 4]>(gpu, "tone_map"),
         })
     }
@@ -214,18 +214,42 @@ impl Display {
         };
         frame.upload(&self.exposure_input, &[[automatic, ev.to_bits(), 0, 0]]);
         let frames = (sum.frames.max(1) as f32).to_bits();
-        frame.upload(&self.curve, &[[settings.tone_map as u32, frames, 0, 0]]);
         frame.upload(&self.histogram_input, &[[frames, 0, 0, 0]]);
         frame.clear(&self.bins);
-        let sum_texture = ("sum", sum.texture().into());
         let bins = ("histogram", (&self.bins).into());
-        let exposure = ("exposure", (&self.exposure_value).into());
-        let binds = [sum_texture, ("histogram_input", (&self.histogram_input).into()), bins];
+        let input = ("histogram_input", (&self.histogram_input).into());
+        let binds = [("sum", sum.texture().into()), input, bins];
         frame.compute("post/histogram", &self.histogram, &[], &binds, over(sum));
+        let exposure = ("exposure", (&self.exposure_value).into());
         let binds = [("exposure_input", (&self.exposure_input).into()), bins, exposure];
         frame.compute("post/exposure", &self.exposure, &[], &binds, Dispatch::Groups([1; 3]));
-        let binds = [("tone_map", (&self.curve).into()), sum_texture, exposure, ("picture", picture.into())];
-        frame.compute("post/tone_map", &self.tone_map, &[], &binds, over(sum));
+        self.tone_map(frame, settings, (sum.texture(), sum.frames), 0, picture);
+    }
+
+    /// Tone-maps the columns from `first_column` on of nits summed over `frames`, exposed as [`Display::record`] exposed
+    /// last.
+    pub fn tone_map(
+        &self,
+        frame: &mut Frame<'_>,
+        settings: &CameraSettings,
+        (sum, frames): (&Texture, u32),
+        first_column: u32,
+        picture: &Texture,
+    ) {
+        let frames = (frames.max(1) as f32).to_bits();
+        frame.upload(&self.curve, &[[settings.tone_map as u32, frames, first_column, 0]]);
+        let binds = [
+            ("tone_map", (&self.curve).into()),
+            ("sum", sum.into()),
+            ("exposure", (&self.exposure_value).into()),
+            ("picture", picture.into()),
+        ];
+        let options = sum.options();
+        let columns = options.width.saturating_sub(first_column);
+        if columns > 0 {
+            let pixels = Dispatch::Threads([columns, options.height, 1]);
+            frame.compute("post/tone_map", &self.tone_map, &[], &binds, pixels);
+        }
     }
 }
 

@@ -3,7 +3,9 @@
 //! - [`bvh`]: rays through the scene in compute; any technique may import `reference/traverse.wesl`.
 //! - [`path`]: paths from the camera.
 //! - [`photon`]: paths from the lights, for what the former do not find.
+//! - [`first_hit`]: what paths from the camera meet first.
 
 pub mod bvh;
+pub mod first_hit;
 pub mod path;
 pub mod photon;

@@ -29,7 +29,7 @@ fn traced(
     for (index, (time_s, samples)) in stops.into_iter().enumerate() {
         if index > 0 {
             loaded.set_pose(scene, &scene.pose(time_s));
-            reference.follow((scene, &loaded), settings, view).unwrap();
+            reference.follow((scene, &loaded), settings, (view, size)).unwrap();
         }
         let mut frame = recorder.begin();
         reference.add(&mut frame, &loaded, samples);

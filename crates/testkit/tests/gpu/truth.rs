@@ -378,6 +378,43 @@ fn stopped_and_resumed_is_bit_for_bit_the_same_as_run_through() {
     assert!(error.contains("`sum` is missing"), "{error}");
 }
 
+#[test]
+fn rows_traced_one_band_at_a_time_and_a_restart_change_no_bit() {
+    let mut scene = scene::load("builtin:cornell").unwrap();
+    scene.add_default_view();
+    let view = View::from_scene(&scene, 0).unwrap();
+    let elsewhere = View::look_at(Vec3::new(0.3, 1.2, 2.0), Vec3::Y, 0.9, 0.01);
+    let (gpu, size, options) =
+        (device_guaranteed(), [48, 37], ReferenceOptions { seed: 5, ..ReferenceOptions::default() });
+    let mut studio = Studio::new(&gpu, direct(&[]));
+    let once = studio.truth(&scene, (&view, size), options, &[6]);
+    let loaded = studio.load(&scene);
+    let (kit, settings) = (studio.renderer.kit(), studio.renderer.settings());
+    let mut reference =
+        Reference::new(kit, (&scene, &loaded), settings, (&elsewhere, size), options).unwrap();
+    let mut recorder = Recorder::new(&gpu, false);
+    let mut refine = |reference: &mut Reference, work: u64, most: u32| {
+        let mut frame = recorder.begin();
+        let recorded = reference.refine(&mut frame, &loaded, work, most);
+        frame.submit();
+        recorded
+    };
+    // Left in the middle of a pass.
+    refine(&mut reference, 1, 9);
+    assert!(reference.samples() == 0 && reference.under_way() > 0.0);
+    reference.restart(&loaded, settings, (&view, size)).unwrap();
+    assert!(reference.under_way() == 0.0);
+    let all = u64::from(6 * size[0] * size[1]);
+    let mut traced = 0;
+    for work in [1, 500, 700, 5000, 1, u64::MAX, 7, 7] {
+        traced += refine(&mut reference, work, 6);
+    }
+    assert_eq!((traced, reference.samples()), (all, 6), "more or less was traced than was asked for");
+    let pixels = reference.sum().unwrap().wait(&gpu).unwrap();
+    let means = pixels.floats().chunks_exact(4).map(|p| [0, 1, 2].map(|i| p[i] / 6.0)).collect::<Vec<_>>();
+    assert!(means == once.pixels(), "the image is another");
+}
+
 fn assert_matches(name: &str, options: ReferenceOptions, samples: usize, most: f64) {
     let Some(assets) = assets() else { return };
     let part = if options.max_depth == 2 { "direct" } else { "full" };

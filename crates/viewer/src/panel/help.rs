@@ -11,6 +11,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("double click", "hold the mouse to look around; Esc lets go"),
     ("wheel", "fly faster or slower"),
     ("K", "play or pause the animation"),
+    ("T", "compare with the path-traced truth: split, alone, off"),
     ("P", "buffers: off, in the corner, full"),
     ("1 to 9, 0", "choose a buffer"),
     ("[ and ]", "the buffer before, the next"),

@@ -6,6 +6,7 @@ mod scene;
 mod settings;
 mod status;
 mod timings;
+mod truth;
 
 use chiaro::techniques::post::Show;
 use egui::{Align2, Color32, Key, Sense, Ui, vec2};
@@ -13,6 +14,7 @@ use glam::{Vec2, Vec3};
 
 use crate::buffers::{BUFFERS, Shown};
 use crate::camera::{FlyCamera, Steering};
+use crate::truth::Compare;
 use crate::viewer::{Eye, Viewer};
 
 /// What the panel remembers.
@@ -31,6 +33,9 @@ pub struct PanelState {
     pub(crate) settings_error: Option<String>,
     pub(crate) shader_error: Option<String>,
     pub(crate) shown_buffer: Shown,
+    pub(crate) compare: Compare,
+    /// Where the truth begins, 0..1 of the picture's width.
+    pub(crate) divider: f32,
     pub(crate) exr: bool,
     /// What the renderer gave up.
     pub(crate) notes: Vec<String>,
@@ -57,6 +62,8 @@ impl Default for PanelState {
             settings_error: None,
             shader_error: None,
             shown_buffer: Shown::default(),
+            compare: Compare::Off,
+            divider: 0.5,
             exr: false,
             notes: Vec::new(),
             picture_px: None,
@@ -183,6 +190,7 @@ impl Viewer {
         if let (Some(id), Some(_)) = (self.picture_id, &self.stage) {
             let all = egui::Rect::from_min_max(egui::Pos2::ZERO, egui::pos2(1.0, 1.0));
             ui.painter().image(id, rect, all, Color32::WHITE);
+            self.truth_area(ui, rect);
             self.show_buffer(ui, rect);
         }
         if response.clicked() || response.drag_started() {
@@ -304,6 +312,9 @@ impl Viewer {
         }
         if input.key_pressed(Key::K) {
             self.playback.playing = !self.playback.playing;
+        }
+        if input.key_pressed(Key::T) {
+            self.panel.compare = self.panel.compare.next();
         }
         if input.key_pressed(Key::F12) {
             self.screenshot(self.panel.exr);

@@ -93,6 +93,7 @@ impl Viewer {
                 ui.checkbox(&mut self.panel.exr, "radiance too (EXR)");
             });
             ui.checkbox(&mut self.panel.vsync, "Wait for the screen (vsync)");
+            self.truth_ui(ui);
         });
     }
 }

@@ -12,9 +12,13 @@
 //! | | squares | Rgba32Float | their squares, nits² |
 //!
 //! Limits: blended surfaces are cut at half coverage; no dispersion; rough interfaces pass no light of point-like
-//! lights. Samples are independent of how they are grouped: the same seed gives the same image, bit for bit.
+//! lights. Samples are independent of how they are grouped and of which rows are traced together: the same seed
+//! gives the same image, bit for bit.
 
 pub(crate) mod emitters;
+pub(crate) mod noise;
+
+pub use noise::PathNoise;
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
@@ -40,6 +44,8 @@ pub(crate) struct PathPass {
     pub max_depth: u32,
     pub diffuse_bounces: u32,
     pub seed: u32,
+    pub first_row: u32,
+    pub rows: u32,
     pub reserved: u32,
 }
 
@@ -85,6 +91,9 @@ pub struct PathSum {
     textures: [Vec<Texture>; 2],
     newest: usize,
     samples: u32,
+    // Of the pass under way: rows that have its samples, and how many those are.
+    rows_done: u32,
+    under_way: u32,
 }
 
 impl PathSum {
@@ -97,12 +106,23 @@ impl PathSum {
         let options = TextureOptions::new(width, height, TextureFormat::Rgba32Float, usage);
         let names = &LAYERS[..if photons { 4 } else { 3 }];
         let make = || names.iter().map(|name| Texture::new(gpu, name, Life::Kept, options)).collect();
-        Self { textures: [make(), make()], newest: 0, samples: 0 }
+        Self { textures: [make(), make()], newest: 0, samples: 0, rows_done: 0, under_way: 0 }
     }
 
-    /// Samples a pixel.
+    /// Width and height.
+    pub fn size_px(&self) -> [u32; 2] {
+        let options = self.sum().options();
+        [options.width, options.height]
+    }
+
+    /// Samples that every pixel has.
     pub fn samples(&self) -> u32 {
         self.samples
+    }
+
+    /// Rows from the top that have more samples already, and how many; what can be read is without them.
+    pub fn rows_ahead(&self) -> (u32, u32) {
+        (self.rows_done, if self.rows_done > 0 { self.under_way } else { 0 })
     }
 
     /// Nits summed over samples, and coverage by surfaces in alpha.
@@ -122,7 +142,7 @@ impl PathSum {
 
     /// Says that the textures of [`PathSum::layers`] were filled with what so many samples left there.
     pub fn resume(&mut self, samples: u32) {
-        self.samples = samples;
+        (self.samples, self.rows_done) = (samples, 0);
     }
 }
 
@@ -155,25 +175,32 @@ impl PathTracer {
         Ok(Self { pipeline, uniform })
     }
 
-    /// Adds `count` samples to every pixel. The frame's uniform must hold the camera without jitter. `photons` are those
-    /// of the same samples, for a tracer and a sum with photons.
+    /// Adds `count` samples to the pixels of the next `rows` rows, from the top on; a pass over the image that is under way
+    /// goes on with the count that it began with. The frame's uniform must hold the camera without jitter. `photons` are
+    /// those of the same samples, for a tracer and a sum with photons.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         (frame_group, scene, traced): (&Group, &SceneGpu, &TraceScene),
         options: PathOptions,
-        count: u32,
+        (count, rows): (u32, u32),
         (sum, photons): (&mut PathSum, Option<&PhotonMap>),
     ) {
-        let size = sum.sum().options();
-        let size_px = [size.width, size.height];
+        let size_px = sum.size_px();
+        let first_row = sum.rows_done;
+        let rows = rows.clamp(1, size_px[1] - first_row);
+        if first_row == 0 {
+            sum.under_way = count;
+        }
         let pass = PathPass {
             size_px,
             first_sample: sum.samples,
-            sample_count: count,
+            sample_count: sum.under_way,
             max_depth: options.max_depth,
             diffuse_bounces: options.diffuse_bounces,
             seed: options.seed,
+            first_row,
+            rows,
             reserved: 0,
         };
         frame.upload(&self.uniform, &[pass]);
@@ -186,9 +213,13 @@ impl PathTracer {
         if let Some(map) = photons {
             binds.extend([("photon_pass", (&map.uniform).into()), ("photon_map", (&map.words).into())]);
         }
-        let pixels = Dispatch::Threads([size_px[0], size_px[1], 1]);
+        let pixels = Dispatch::Threads([size_px[0], rows, 1]);
         frame.compute("reference/path", &self.pipeline, &[frame_group, scene.group()], &binds, pixels);
-        sum.newest = 1 - sum.newest;
-        sum.samples += count;
+        sum.rows_done += rows;
+        if sum.rows_done == size_px[1] {
+            sum.newest = 1 - sum.newest;
+            sum.samples += sum.under_way;
+            sum.rows_done = 0;
+        }
     }
 }

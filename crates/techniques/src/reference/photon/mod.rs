@@ -21,6 +21,7 @@
 //! Limits: 64 bytes a pixel and a light path; larger pictures have fewer light paths than pixels.
 
 use std::f32::consts::PI;
+use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
@@ -57,6 +58,9 @@ pub(crate) struct PhotonPass {
     pub shrunk: f32,
     pub footprint: f32,
     pub share: f32,
+    pub first_lane: u32,
+    pub end_lane: u32,
+    pub reserved: [u32; 2],
 }
 
 /// Words of a pixel's splats, of a cell, and of a photon.
@@ -147,9 +151,9 @@ impl PhotonMap {
             });
         }
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-        let words = Buffer::new(gpu, "photons", Life::Frame, bytes(lanes), usage);
+        let words = Buffer::new(gpu, "photons", Life::Kept, bytes(lanes), usage);
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let uniform = Buffer::new(gpu, "photon_pass", Life::Frame, size_of::<PhotonPass>() as u64, usage);
+        let uniform = Buffer::new(gpu, "photon_pass", Life::Kept, size_of::<PhotonPass>() as u64, usage);
         Ok(Self { words, uniform, view, lanes: lanes as u32, cells: cells(lanes) as u32 })
     }
 
@@ -200,14 +204,15 @@ impl PhotonTracer {
         Ok(Self { pipeline })
     }
 
-    /// Traces a round: the light paths of samples `first..first + samples`. `map` holds them alone afterwards.
+    /// Traces some lanes of a round, which is the light paths of samples `first..first + samples`, all lanes in turn. `map`
+    /// holds this round's alone: the first lane empties it.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         (frame_group, scene, traced): (&Group, &SceneGpu, &TraceScene),
         options: PhotonOptions,
         (first, samples): (u32, u32),
-        map: &PhotonMap,
+        (map, lanes): (&PhotonMap, Range<u32>),
     ) {
         let PhotonView { size_px, pixel_m2, typical_nits, bounds_ws: (lo, hi), .. } = map.view;
         let (target_lo, target_hi) = map.view.specular_ws.unwrap_or((lo, hi));
@@ -237,15 +242,20 @@ impl PhotonTracer {
             shrunk,
             footprint: RADIUS_PX * (pixel_m2 / PI).sqrt(),
             share: 1.0 / (map.lanes as f32 * samples as f32),
+            first_lane: lanes.start,
+            end_lane: lanes.end,
+            reserved: [0; 2],
         };
-        frame.clear(&map.words);
+        if lanes.start == 0 {
+            frame.clear(&map.words);
+        }
         frame.upload(&map.uniform, &[pass]);
         let binds = [
             ("photon_pass", (&map.uniform).into()),
             ("tracer", (&traced.words).into()),
             ("photons", (&map.words).into()),
         ];
-        let groups = map.lanes.div_ceil(64);
+        let groups = (lanes.end - lanes.start).div_ceil(64);
         let rows = groups.div_ceil(65_535);
         let groups = Dispatch::Groups([groups.div_ceil(rows), rows, 1]);
         frame.compute("reference/photons", &self.pipeline, &[frame_group, scene.group()], &binds, groups);

@@ -1,0 +1,171 @@
+//! EXR files that hold more than a picture: channels by name, and what the file tells of itself.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+
+use exr::meta::attribute::{AttributeValue, Text};
+use exr::prelude::{
+    AnyChannel, AnyChannels, FlatSamples, Image as ExrImage, Layer, LayerAttributes, SmallVec, Vec2,
+    WritableImage,
+};
+
+use crate::exr_file::{ENCODING, decode_all};
+use crate::file::write_bytes;
+use crate::{Image, ImageError};
+
+/// The one attribute of the EXR header that holds all of [`Layers::about`], a line each: several would stand in the
+/// file in an order that changes from run to run.
+const ABOUT: &str = "chiaro";
+
+/// Channels of one size by name, 32-bit floats, and text about them.
+///
+/// R, G and B are the picture. Names with a dot are a layer's channels, as other programs show them: `variance.R`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Layers {
+    width: u32,
+    height: u32,
+    channels: BTreeMap<String, Vec<f32>>,
+    /// Lines of text by key, such as (`seed`, `7`). A key has no colon; line breaks become spaces in the file.
+    pub about: BTreeMap<String, String>,
+}
+
+impl Layers {
+    /// No channels.
+    pub fn new(width: u32, height: u32) -> Self {
+        Self { width, height, ..Self::default() }
+    }
+
+    /// Width and height in pixels.
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// Names of all channels, in alphabetical order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.channels.keys().map(String::as_str)
+    }
+
+    /// One channel's values, row after row from the top left.
+    pub fn channel(&self, name: &str) -> Option<&[f32]> {
+        self.channels.get(name).map(Vec::as_slice)
+    }
+
+    /// Adds a channel, or replaces it.
+    ///
+    /// # Errors
+    /// [`ImageError::BufferLength`] unless there is one value per pixel.
+    pub fn insert(&mut self, name: impl Into<String>, values: Vec<f32>) -> Result<(), ImageError> {
+        let (width, height) = self.size();
+        let (expected, found) = (width as usize * height as usize, values.len());
+        if found != expected {
+            return Err(ImageError::BufferLength { what: "the channel", width, height, expected, found });
+        }
+        self.channels.insert(name.into(), values);
+        Ok(())
+    }
+
+    /// Adds an image as the channels R, G and B of a layer; of none where the name is empty.
+    ///
+    /// # Errors
+    /// As [`Layers::insert`].
+    pub fn insert_image(&mut self, layer: &str, image: &Image) -> Result<(), ImageError> {
+        for (index, channel) in ["R", "G", "B"].into_iter().enumerate() {
+            let values = image.pixels().iter().map(|pixel| pixel[index]).collect();
+            self.insert(named(layer, channel), values)?;
+        }
+        Ok(())
+    }
+
+    /// Adds texels of four floats as the channels R, G, B and A of a layer.
+    ///
+    /// # Errors
+    /// As [`Layers::insert`].
+    pub fn insert_texels(&mut self, layer: &str, texels: &[f32]) -> Result<(), ImageError> {
+        for (index, channel) in ["R", "G", "B", "A"].into_iter().enumerate() {
+            self.insert(named(layer, channel), texels.iter().skip(index).step_by(4).copied().collect())?;
+        }
+        Ok(())
+    }
+
+    /// What [`Layers::insert_texels`] took, if all four channels are there.
+    pub fn texels(&self, layer: &str) -> Option<Vec<f32>> {
+        let [r, g, b, a] = ["R", "G", "B", "A"].map(|channel| self.channel(&named(layer, channel)));
+        let texels = r?.iter().zip(g?).zip(b?).zip(a?);
+        Some(texels.flat_map(|(((r, g), b), a)| [*r, *g, *b, *a]).collect())
+    }
+}
+
+fn named(layer: &str, channel: &str) -> String {
+    if layer.is_empty() { channel.to_owned() } else { format!("{layer}.{channel}") }
+}
+
+/// Writes an EXR of 32-bit floats in losslessly compressed (ZIP) scan lines, whole or not at all; missing folders of
+/// `path` are made. The same layers give the same bytes.
+///
+/// # Errors
+/// [`ImageError::Write`] when the operating system refuses; [`ImageError::Unstorable`] without pixels or channels.
+pub fn write_layers(path: impl AsRef<Path>, layers: &Layers) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    let unstorable = |problem: String, advice: &str| ImageError::Unstorable {
+        path: path.to_owned(),
+        problem,
+        advice: advice.to_owned(),
+    };
+    if layers.width == 0 || layers.height == 0 || layers.channels.is_empty() {
+        return Err(unstorable("the image is empty".to_owned(), "an EXR needs a channel and a pixel"));
+    }
+    let channels: SmallVec<[_; 4]> = layers
+        .channels
+        .iter()
+        .map(|(name, values)| AnyChannel::new(utf8(name), FlatSamples::F32(values.clone())))
+        .collect();
+    let mut about = String::new();
+    for (key, value) in &layers.about {
+        // Writing to a string does not fail.
+        let _ = writeln!(about, "{key}: {}", value.replace(['\r', '\n'], " "));
+    }
+    let mut attributes = LayerAttributes::default();
+    if !about.is_empty() {
+        attributes.other.insert(utf8(ABOUT), AttributeValue::Text(utf8(&about)));
+    }
+    let size = Vec2(layers.width as usize, layers.height as usize);
+    let layer = Layer::new(size, attributes, ENCODING, AnyChannels::sort(channels));
+    let mut encoded = Cursor::new(Vec::new());
+    ExrImage::from_layer(layer)
+        .write()
+        .to_buffered(&mut encoded)
+        .map_err(|error| unstorable(error.to_string(), "this is a defect of chiaro: please report it"))?;
+    write_bytes(path, &encoded.into_inner())
+}
+
+/// Reads all channels of the first part of an EXR, and what chiaro wrote about them.
+///
+/// # Errors
+/// [`ImageError::Read`] when the file cannot be opened, [`ImageError::Invalid`] when it is no EXR or damaged.
+pub fn read_layers(path: impl AsRef<Path>) -> Result<Layers, ImageError> {
+    let path = path.as_ref();
+    let bytes = fs::read(path).map_err(|source| ImageError::Read { path: path.to_owned(), source })?;
+    let file = decode_all(path, &bytes)?;
+    let mut layers = Layers::default();
+    let Some(layer) = file.layer_data.into_iter().next() else { return Ok(layers) };
+    (layers.width, layers.height) = (layer.size.width() as u32, layer.size.height() as u32);
+    for channel in layer.channel_data.list {
+        layers.insert(channel.name.to_string(), channel.sample_data.values_as_f32().collect())?;
+    }
+    let own = layer.attributes.other.get(&utf8(ABOUT));
+    if let Some(AttributeValue::Text(text)) = own.or_else(|| file.attributes.other.get(&utf8(ABOUT))) {
+        // The library's own way to a string takes bytes for Latin-1.
+        let text = String::from_utf8_lossy(text.as_slice());
+        let lines = text.lines().filter_map(|line| line.split_once(": "));
+        layers.about = lines.map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
+    }
+    Ok(layers)
+}
+
+/// Text as UTF-8, which is what EXR files hold in practice; the library's own way panics beyond Latin-1.
+fn utf8(text: &str) -> Text {
+    Text::from_slice_unchecked(text.as_bytes())
+}
