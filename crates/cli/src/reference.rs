@@ -100,7 +100,8 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
         bail!("interrupted: {path} holds {samples} samples a pixel; the same command with --resume goes on");
     }
     let took = tracing.as_secs_f64();
-    let each = if options.integrator == Integrator::Photon { reference.light_paths() } else { size[0] * size[1] };
+    let each =
+        if options.integrator == Integrator::Photon { reference.light_paths() } else { size[0] * size[1] };
     let paths = f64::from(each) * f64::from(samples - first);
     let speed = if samples > first {
         format!("{took:.1} s, {:.2} million paths/s, ", paths / took * 1e-6)

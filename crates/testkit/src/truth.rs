@@ -9,17 +9,17 @@ use crate::studio::{image, need};
 
 /// A scene at time 0 and its tracers, compiled once for all pictures from the same options.
 #[derive(Debug)]
-pub struct Truth<'a> {
+pub struct Truth {
     /// What the next [`Truth::look`] goes by.
     pub settings: Settings,
     gpu: Gpu,
-    scene: &'a Scene,
+    size: [u32; 2],
     loaded: LoadedScene,
     reference: Reference,
     recorder: Recorder,
 }
 
-impl<'a> Truth<'a> {
+impl Truth {
     /// Builds the trees and compiles the tracers.
     ///
     /// # Panics
@@ -27,7 +27,7 @@ impl<'a> Truth<'a> {
     pub fn new(
         gpu: &Gpu,
         settings: Settings,
-        scene: &'a Scene,
+        scene: &Scene,
         (view, size): (&View, [u32; 2]),
         options: ReferenceOptions,
     ) -> Self {
@@ -35,15 +35,15 @@ impl<'a> Truth<'a> {
         let loaded = need(kit.upload(scene));
         let reference = need(Reference::new(&kit, (scene, &loaded), &settings, (view, size), options));
         let recorder = Recorder::new(gpu, false);
-        Self { settings, gpu: gpu.clone(), scene, loaded, reference, recorder }
+        Self { settings, gpu: gpu.clone(), size, loaded, reference, recorder }
     }
 
     /// Begins the picture again, from elsewhere.
     ///
     /// # Panics
-    /// When the trees do not fit the adapter.
+    /// When the device fails.
     pub fn look(&mut self, view: &View) {
-        need(self.reference.follow((self.scene, &self.loaded), &self.settings, view));
+        need(self.reference.restart(&self.loaded, &self.settings, (view, self.size)));
     }
 
     /// The mean of all samples so far, with more added: `groups` are those of each dispatch.

@@ -386,12 +386,11 @@ fn rows_traced_one_band_at_a_time_and_a_restart_change_no_bit() {
     let elsewhere = View::look_at(Vec3::new(0.3, 1.2, 2.0), Vec3::Y, 0.9, 0.01);
     let (gpu, size, options) =
         (device_guaranteed(), [48, 37], ReferenceOptions { seed: 5, ..ReferenceOptions::default() });
-    let mut studio = Studio::new(&gpu, direct(&[]));
-    let once = studio.truth(&scene, (&view, size), options, &[6]);
-    let loaded = studio.load(&scene);
-    let (kit, settings) = (studio.renderer.kit(), studio.renderer.settings());
+    let once = trace(&scene, (&view, size), options, &[6]);
+    let (kit, settings) = (Kit::new(&gpu, shaders::library()), direct(&[]));
+    let loaded = kit.upload(&scene).unwrap();
     let mut reference =
-        Reference::new(kit, (&scene, &loaded), settings, (&elsewhere, size), options).unwrap();
+        Reference::new(&kit, (&scene, &loaded), &settings, (&elsewhere, size), options).unwrap();
     let mut recorder = Recorder::new(&gpu, false);
     let mut refine = |reference: &mut Reference, work: u64, most: u32| {
         let mut frame = recorder.begin();
@@ -402,7 +401,7 @@ fn rows_traced_one_band_at_a_time_and_a_restart_change_no_bit() {
     // Left in the middle of a pass.
     refine(&mut reference, 1, 9);
     assert!(reference.samples() == 0 && reference.under_way() > 0.0);
-    reference.restart(&loaded, settings, (&view, size)).unwrap();
+    reference.restart(&loaded, &settings, (&view, size)).unwrap();
     assert!(reference.under_way() == 0.0);
     let all = u64::from(6 * size[0] * size[1]);
     let mut traced = 0;
