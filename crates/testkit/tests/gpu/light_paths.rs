@@ -171,11 +171,11 @@ fn light_paths_alone_show_what_paths_from_the_camera_show_where_nothing_mirrors(
     scene.add_default_view_to_trace();
     let view = View::from_scene(&scene, 0).unwrap();
     let at = (&view, [48, 32]);
-    let path = trace(&scene, at, options(Integrator::Path), &[128]);
-    let photon = trace(&scene, at, options(Integrator::Photon), &[32]);
+    let path = trace(&scene, at, options(Integrator::Path), &[256]);
+    let photon = trace(&scene, at, options(Integrator::Photon), &[128]);
     let (of_path, of_photon) = (mean(&path, |_, _| true), mean(&photon, |_, _| true));
     assert!((of_photon / of_path - 1.0).abs() < 0.01, "{of_photon} is not {of_path}");
-    assert!(nmae(&photon, &path) < 0.08, "{}", nmae(&photon, &path));
+    assert!(nmae(&photon, &path) < 0.05, "{}", nmae(&photon, &path));
     // And together they are the former, bit for bit: there is nothing for light paths to do.
     let [path, full] = [Integrator::Path, Integrator::Full].map(|i| trace(&scene, at, options(i), &[4]));
     assert_eq!(path.pixels(), full.pixels());
@@ -196,12 +196,13 @@ fn all_lamps_reach_the_floor_by_light_paths_as_by_paths_from_the_camera() {
     let shining = stage.material(shining);
     stage.quad(Vec3::new(-0.6, 0.8, -0.5), Vec3::X * 0.2, Vec3::Z * 0.3, shining);
     let view = (&camera_above(HALF), [SIDE; 2]);
-    let path = trace(&stage.scene, view, options(Integrator::Path), &[64]);
-    let photon = trace(&stage.scene, view, options(Integrator::Photon), &[64]);
-    for (x, y) in (0..16).map(|i| (i % 4 * 8, i / 4 * 8)) {
-        let block = |px: u32, py: u32| (x..x + 8).contains(&px) && (y..y + 8).contains(&py);
+    let path = trace(&stage.scene, view, options(Integrator::Path), &[128]);
+    let photon = trace(&stage.scene, view, options(Integrator::Photon), &[128]);
+    for (x, y) in [(0, 0), (16, 0), (0, 16), (16, 16)] {
+        let block = |px: u32, py: u32| (x..x + 16).contains(&px) && (y..y + 16).contains(&py);
         let (found, expected) = (mean(&photon, block), mean(&path, block));
-        assert!((found / expected - 1.0).abs() < 0.03, "{x} {y}: {found} is not {expected}");
+        // Four standard deviations.
+        assert!((found / expected - 1.0).abs() < 0.02, "{x} {y}: {found} is not {expected}");
     }
 }
 
@@ -308,7 +309,10 @@ fn dispersion_gives_each_band_its_own_index_of_refraction() {
 #[test]
 fn a_blended_sheet_lets_its_share_of_light_and_sight_through() {
     let (alpha, lux) = (0.3f32, 1000.0f32);
-    let mut stage = Stage::floor(ALBEDO);
+    // No larger than the picture, so that most light paths are in it.
+    let mut stage = Stage::new();
+    let floor = stage.lambert(ALBEDO);
+    stage.quad(Vec3::ZERO, Vec3::X * 1.1, Vec3::NEG_Z * 1.1, floor);
     let base_color = Vec4::new(0.0, 0.0, 0.0, alpha);
     let sheet = Material {
         base_color,
@@ -318,7 +322,7 @@ fn a_blended_sheet_lets_its_share_of_light_and_sight_through() {
         ..Material::default()
     };
     let sheet = stage.material(sheet);
-    stage.quad(Vec3::new(0.0, 1.0, 0.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0, sheet);
+    stage.quad(Vec3::new(0.0, 1.0, 0.0), Vec3::X * 1.1, Vec3::NEG_Z * 1.1, sheet);
     stage.sun(lux, Vec3::NEG_Y);
     let view = (&camera_above(HALF), [SIDE; 2]);
     for integrator in [Integrator::Path, Integrator::Photon] {

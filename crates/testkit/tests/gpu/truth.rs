@@ -131,7 +131,7 @@ fn a_patch_receives_what_the_form_factor_of_a_lamp_says() {
     // Seen from below the lamp shines, from above it does not.
     let images = trace_views(&stage.scene, (&[tilted, camera_above(HALF)], [SIDE; 2]), depth(1), &[4]);
     let [seen, above] = [0, 1].map(|i| mean(&images[i], |_, _| true));
-    assert!(seen > 0.01 && above == 0.0, "{seen} {above}");
+    assert!(seen > 0.005 && above == 0.0, "{seen} {above}");
     let image = from_above(&stage, 2, 256);
     // Corners of the picture; its middle is under the lamp.
     for (x, y) in [(0, 0), (28, 0), (0, 28), (28, 28), (14, 0), (28, 14)] {
