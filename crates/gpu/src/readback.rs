@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::time::{Duration, Instant};
 
 use crate::{Buffer, Gpu, GpuError, Texture};
 
@@ -154,6 +155,8 @@ impl BufferReadback {
 const PENDING: u8 = 0;
 const READY: u8 = 1;
 const FAILED: u8 = 2;
+/// How long a callback may take to be called after the device is done.
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A buffer that the CPU can map, and whether it is mapped yet.
 #[derive(Debug)]
@@ -194,7 +197,17 @@ impl Staging {
             .poll(wgpu::PollType::wait_indefinitely())
             .map_err(|e| GpuError::DeviceLost(e.to_string()))?;
         gpu.check()?;
-        self.take(gpu)?.ok_or_else(|| GpuError::DeviceLost("a read-back did not finish".into()))
+        // Another thread that waits for the same device may have taken this one's callback and be about to call it.
+        let patience = Instant::now() + PATIENCE;
+        loop {
+            if let Some(bytes) = self.take(gpu)? {
+                return Ok(bytes);
+            }
+            if Instant::now() > patience {
+                return Err(GpuError::DeviceLost("a read-back did not finish".into()));
+            }
+            std::thread::sleep(Duration::from_micros(100));
+        }
     }
 
     fn take(&self, gpu: &Gpu) -> Result<Option<Vec<u8>>, GpuError> {

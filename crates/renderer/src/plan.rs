@@ -29,7 +29,8 @@ pub struct Kit {
 }
 
 impl Kit {
-    pub(crate) fn new(gpu: &Gpu, library: Library) -> Self {
+    /// Makes the layouts; compiles nothing yet.
+    pub fn new(gpu: &Gpu, library: Library) -> Self {
         let (frame_layout, scene_layout) = (FrameGroup::layout(gpu), SceneGpu::layout(gpu));
         Self { gpu: gpu.clone(), library, frame_layout, scene_layout }
     }

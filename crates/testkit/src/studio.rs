@@ -1,9 +1,7 @@
 //! Pictures of scenes in nits.
 
 use chiaro::scene::Scene;
-use chiaro::{
-    Aov, Gpu, LoadedScene, Recorder, Reference, ReferenceOptions, Renderer, Settings, StillOptions, View,
-};
+use chiaro::{Aov, Gpu, LoadedScene, Renderer, Settings, StillOptions, View};
 use chiaro_image::{CompareOptions, Comparison, Image, Picture};
 
 /// Settings for direct light alone, with single settings changed.
@@ -29,7 +27,7 @@ pub struct Studio {
 }
 
 /// Unwraps what a test cannot go on without.
-fn need<T>(result: Result<T, impl std::fmt::Display>) -> T {
+pub(crate) fn need<T>(result: Result<T, impl std::fmt::Display>) -> T {
     match result {
         Ok(value) => value,
         Err(error) => panic!("{error}"),
@@ -82,30 +80,6 @@ impl Studio {
         image(&need(readback.wait(&self.gpu)), samples)
     }
 
-    /// The path-traced radiance of a scene at time 0, nits; `groups` are the samples of each dispatch.
-    ///
-    /// # Panics
-    /// When the device fails.
-    pub fn truth(
-        &mut self,
-        scene: &Scene,
-        (view, size): (&View, [u32; 2]),
-        options: ReferenceOptions,
-        groups: &[u32],
-    ) -> Image {
-        let loaded = self.load(scene);
-        let (kit, settings) = (self.renderer.kit(), self.renderer.settings());
-        let mut reference = need(Reference::new(kit, (scene, &loaded), settings, (view, size), options));
-        let mut recorder = Recorder::new(&self.gpu, false);
-        for &count in groups {
-            let mut frame = recorder.begin();
-            reference.add(&mut frame, &loaded, count);
-            frame.submit();
-        }
-        let sum = need(reference.sum());
-        image(&need(sum.wait(&self.gpu)), reference.samples())
-    }
-
     /// The tone-mapped picture.
     ///
     /// # Panics
@@ -124,7 +98,7 @@ impl Studio {
 }
 
 /// Sums of so many frames as means; alpha is coverage, of no use here.
-fn image(pixels: &chiaro::Pixels, samples: u32) -> Image {
+pub(crate) fn image(pixels: &chiaro::Pixels, samples: u32) -> Image {
     let floats = pixels.floats();
     let (texels, _) = floats.as_chunks::<4>();
     let means = texels.iter().map(|&[r, g, b, _]| [r, g, b].map(|sum| sum / samples.max(1) as f32));

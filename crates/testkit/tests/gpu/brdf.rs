@@ -118,8 +118,12 @@ fn a_white_furnace_stays_white() {
 }
 
 #[test]
-fn a_phong_lobe_reflects_at_most_its_specular_colour() {
-    let materials = [Case { base: [0.0; 3], kind: PHONG, ..pbr(WHITE, 0.0, 1.0, [0.5, 0.25, 1.0]) }];
+fn phong_reflects_at_most_its_diffuse_and_specular_colours() {
+    let materials = [[0.0; 3], [0.2, 0.5, 0.0]].map(|base| Case {
+        base,
+        kind: PHONG,
+        ..pbr(WHITE, 0.0, 1.0, [0.5, 0.25, 1.0])
+    });
     let answers = furnace(&materials);
     // The quadrature's error, and at the least roughness the rounding of cosines.
     let (over, what) = worst(&answers, |case, quadrature, ks| {

@@ -6,6 +6,8 @@ use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::Dispatch;
 use chiaro_testkit::{Bench, device};
 
+use crate::chi_square::assert_drawn_as_expected;
+
 const DRAWS: usize = 65_536;
 /// Along the cosine and the angle, and points along each side of a cell.
 const CELLS: [usize; 3] = [8, 16, 96];
@@ -69,30 +71,22 @@ fn counts(bench: &Bench, case: Case) -> Vec<(f64, f64)> {
 fn directions_are_drawn_as_densely_as_they_say() {
     let gpu = device();
     let bench = Bench::new(&gpu);
-    for (kind, metallic, roughness) in [
-        (0, 1.0, 0.25),
-        (0, 1.0, 0.6),
-        (0, 1.0, 1.0),
-        (0, 0.0, 0.4),
-        (0, 0.5, 0.8),
-        (1, 0.0, 0.5),
-        (1, 0.0, 0.9),
+    for (kind, metallic, roughness, specular) in [
+        (0, 1.0, 0.25, 1.0),
+        (0, 1.0, 0.6, 1.0),
+        (0, 1.0, 1.0, 1.0),
+        (0, 0.0, 0.4, 1.0),
+        (0, 0.5, 0.8, 1.0),
+        // Lambert.
+        (0, 0.0, 0.5, 0.0),
+        (1, 0.0, 0.5, 1.0),
+        (1, 0.0, 0.9, 1.0),
+        // Unlit: drawn from for nothing, but soundly.
+        (2, 0.0, 0.5, 1.0),
     ] {
         for cosine in [0.15, 0.5, 0.95] {
-            let case = case(kind, metallic, roughness, cosine);
-            let cells = counts(&bench, case);
-            // Rare cells are one.
-            let rare = cells.iter().filter(|cell| cell.1 < 20.0);
-            let rare = rare.fold((0.0, 0.0), |sum, cell| (sum.0 + cell.0, sum.1 + cell.1));
-            let kept: Vec<_> = cells.into_iter().filter(|cell| cell.1 >= 20.0).chain([rare]).collect();
-            let square =
-                |&(found, expected): &(f64, f64)| (found - expected).powi(2) / f64::max(expected, 20.0);
-            let chi: f64 = kept.iter().map(square).sum();
-            let freedom = kept.len() as f64;
-            // Six standard deviations: one run in a billion.
-            let limit = freedom + 6.0 * (2.0 * freedom).sqrt();
-            let worst = kept.iter().max_by(|a, b| square(a).total_cmp(&square(b)));
-            assert!(chi < limit, "{chi} over {limit} for {case:?}: {worst:?}");
+            let case = Case { specular, ..case(kind, metallic, roughness, cosine) };
+            assert_drawn_as_expected(counts(&bench, case), &case);
         }
     }
 }

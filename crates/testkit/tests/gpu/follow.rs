@@ -1,8 +1,9 @@
 //! Path-traced pictures of moments that trees and lamps have followed to.
 
 use chiaro::scene::{Animation, Channel, Interpolation, Keys, Scene};
-use chiaro::{Recorder, Reference, ReferenceOptions, View};
-use chiaro_testkit::{Stage, Studio, camera_above, device_guaranteed, direct, place_below};
+use chiaro::{Kit, Recorder, Reference, ReferenceOptions, View};
+use chiaro_techniques::shaders;
+use chiaro_testkit::{Stage, camera_above, device_guaranteed, direct, place_below};
 use glam::Vec3;
 
 use crate::truth::{form_factor, lamp};
@@ -18,14 +19,13 @@ fn traced(
     (max_depth, samples): (u32, u32),
 ) -> Vec<f32> {
     let gpu = device_guaranteed();
-    let mut studio = Studio::new(&gpu, direct(&[]));
-    let mut loaded = studio.load(scene);
-    let (kit, settings) = (studio.renderer.kit(), studio.renderer.settings());
+    let (kit, settings) = (Kit::new(&gpu, shaders::library()), &direct(&[]));
+    let mut loaded = kit.upload(scene).unwrap();
     let options = ReferenceOptions { max_depth, seed: 1, ..ReferenceOptions::default() };
     let mut recorder = Recorder::new(&gpu, false);
     let stops: Vec<_> = before.iter().map(|&t| (t, 1)).chain([(time_s, samples)]).collect();
     loaded.set_pose(scene, &scene.pose(stops[0].0));
-    let mut reference = Reference::new(kit, (scene, &loaded), settings, (view, size), options).unwrap();
+    let mut reference = Reference::new(&kit, (scene, &loaded), settings, (view, size), options).unwrap();
     for (index, (time_s, samples)) in stops.into_iter().enumerate() {
         if index > 0 {
             loaded.set_pose(scene, &scene.pose(time_s));

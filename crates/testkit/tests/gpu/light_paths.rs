@@ -5,10 +5,10 @@ use std::f32::consts::PI;
 use chiaro::scene::{self, AlphaMode, LightKind, Material, Mesh, Primitive};
 use chiaro::{Integrator, ReferenceOptions, View};
 use chiaro_image::Image;
-use chiaro_testkit::{Stage, Studio, camera_above, device_guaranteed, direct, nmae, place_below};
+use chiaro_testkit::{Stage, Truth, camera_above, device_guaranteed, direct, nmae, place_below};
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 
-use crate::truth::{environment, fresnel, mean, trace};
+use crate::truth::{environment, fresnel, mean, trace, trace_views};
 
 const ALBEDO: f32 = 0.6;
 const SIDE: u32 = 32;
@@ -171,11 +171,11 @@ fn light_paths_alone_show_what_paths_from_the_camera_show_where_nothing_mirrors(
     scene.add_default_view_to_trace();
     let view = View::from_scene(&scene, 0).unwrap();
     let at = (&view, [48, 32]);
-    let path = trace(&scene, at, options(Integrator::Path), &[128]);
-    let photon = trace(&scene, at, options(Integrator::Photon), &[32]);
+    let path = trace(&scene, at, options(Integrator::Path), &[256]);
+    let photon = trace(&scene, at, options(Integrator::Photon), &[128]);
     let (of_path, of_photon) = (mean(&path, |_, _| true), mean(&photon, |_, _| true));
     assert!((of_photon / of_path - 1.0).abs() < 0.01, "{of_photon} is not {of_path}");
-    assert!(nmae(&photon, &path) < 0.08, "{}", nmae(&photon, &path));
+    assert!(nmae(&photon, &path) < 0.05, "{}", nmae(&photon, &path));
     // And together they are the former, bit for bit: there is nothing for light paths to do.
     let [path, full] = [Integrator::Path, Integrator::Full].map(|i| trace(&scene, at, options(i), &[4]));
     assert_eq!(path.pixels(), full.pixels());
@@ -196,12 +196,13 @@ fn all_lamps_reach_the_floor_by_light_paths_as_by_paths_from_the_camera() {
     let shining = stage.material(shining);
     stage.quad(Vec3::new(-0.6, 0.8, -0.5), Vec3::X * 0.2, Vec3::Z * 0.3, shining);
     let view = (&camera_above(HALF), [SIDE; 2]);
-    let path = trace(&stage.scene, view, options(Integrator::Path), &[64]);
-    let photon = trace(&stage.scene, view, options(Integrator::Photon), &[64]);
-    for (x, y) in (0..16).map(|i| (i % 4 * 8, i / 4 * 8)) {
-        let block = |px: u32, py: u32| (x..x + 8).contains(&px) && (y..y + 8).contains(&py);
+    let path = trace(&stage.scene, view, options(Integrator::Path), &[128]);
+    let photon = trace(&stage.scene, view, options(Integrator::Photon), &[128]);
+    for (x, y) in [(0, 0), (16, 0), (0, 16), (16, 16)] {
+        let block = |px: u32, py: u32| (x..x + 16).contains(&px) && (y..y + 16).contains(&py);
         let (found, expected) = (mean(&photon, block), mean(&path, block));
-        assert!((found / expected - 1.0).abs() < 0.03, "{x} {y}: {found} is not {expected}");
+        // Four standard deviations.
+        assert!((found / expected - 1.0).abs() < 0.02, "{x} {y}: {found} is not {expected}");
     }
 }
 
@@ -225,9 +226,11 @@ fn light_paths_keep_to_depth_and_bounces_as_paths_from_the_camera_do() {
 fn rounds_are_the_same_however_they_are_grouped_and_begun() {
     let stage = before_a_mirror();
     let view = (&camera_above(HALF), [SIDE; 2]);
-    let once = trace(&stage.scene, view, options(Integrator::Full), &[8]);
-    let twice = trace(&stage.scene, view, options(Integrator::Full), &[4, 4]);
-    assert_eq!(once.pixels(), twice.pixels());
+    let gpu = device_guaranteed();
+    let mut truth = Truth::new(&gpu, direct(&[]), &stage.scene, view, options(Integrator::Full));
+    let once = truth.add(&[8]);
+    truth.look(view.0);
+    assert_eq!(once.pixels(), truth.add(&[4, 4]).pixels());
 }
 
 #[test]
@@ -242,11 +245,13 @@ fn under_water_the_sky_fills_a_cone_and_the_floor_is_mirrored_around_it() {
     let shining = stage.material(shining);
     stage.quad(Vec3::NEG_Y * 2.0, Vec3::X * 500.0, Vec3::NEG_Z * 500.0, shining);
     // The critical angle is 48.8 degrees.
-    for angle in [0.0f32, 0.5, 0.8, 0.9, 1.2] {
-        let eye = Vec3::NEG_Y;
-        let view = View::look_at(eye, eye + Vec3::new(angle.sin(), angle.cos(), 0.0), 0.002, 0.05);
-        let found =
-            mean(&trace(&stage.scene, (&view, [8, 8]), options(Integrator::Path), &[256]), |_, _| true);
+    let angles = [0.0f32, 0.5, 0.8, 0.9, 1.2];
+    let eye = Vec3::NEG_Y;
+    let views =
+        angles.map(|angle| View::look_at(eye, eye + Vec3::new(angle.sin(), angle.cos(), 0.0), 0.002, 0.05));
+    let images = trace_views(&stage.scene, (&views, [8, 8]), options(Integrator::Path), &[256]);
+    for (angle, image) in angles.into_iter().zip(images) {
+        let found = mean(&image, |_, _| true);
         let sine = ior * angle.sin();
         let reflected = if sine >= 1.0 { 1.0 } else { fresnel((1.0 - sine * sine).sqrt(), ior) };
         let expected = (1.0 - reflected) * sky * ior * ior + reflected * floor;
@@ -266,10 +271,12 @@ fn what_lies_in_a_medium_is_dimmed_by_it() {
         Material { emissive: Vec3::ONE * 5.0, base_color: Vec4::W, specular: 0.0, ..Material::default() };
     let shining = stage.material(shining);
     stage.quad(Vec3::NEG_Y * depth, Vec3::X * 500.0, Vec3::NEG_Z * 500.0, shining);
-    for angle in [0.0f32, 0.9] {
-        let view = View::look_at(Vec3::new(angle.sin(), angle.cos(), 0.0) * 3.0, Vec3::ZERO, 0.002, 0.1);
-        let found =
-            mean(&trace(&stage.scene, (&view, [8, 8]), options(Integrator::Path), &[256]), |_, _| true);
+    let angles = [0.0f32, 0.9];
+    let views = angles
+        .map(|angle| View::look_at(Vec3::new(angle.sin(), angle.cos(), 0.0) * 3.0, Vec3::ZERO, 0.002, 0.1));
+    let images = trace_views(&stage.scene, (&views, [8, 8]), options(Integrator::Path), &[256]);
+    for (angle, image) in angles.into_iter().zip(images) {
+        let found = mean(&image, |_, _| true);
         let inside = (1.0 - (angle.sin() / ior).powi(2)).sqrt();
         let passes = colour.powf(depth / inside / distance);
         // The floor reflects nothing back.
@@ -302,7 +309,10 @@ fn dispersion_gives_each_band_its_own_index_of_refraction() {
 #[test]
 fn a_blended_sheet_lets_its_share_of_light_and_sight_through() {
     let (alpha, lux) = (0.3f32, 1000.0f32);
-    let mut stage = Stage::floor(ALBEDO);
+    // No larger than the picture, so that most light paths are in it.
+    let mut stage = Stage::new();
+    let floor = stage.lambert(ALBEDO);
+    stage.quad(Vec3::ZERO, Vec3::X * 1.1, Vec3::NEG_Z * 1.1, floor);
     let base_color = Vec4::new(0.0, 0.0, 0.0, alpha);
     let sheet = Material {
         base_color,
@@ -312,7 +322,7 @@ fn a_blended_sheet_lets_its_share_of_light_and_sight_through() {
         ..Material::default()
     };
     let sheet = stage.material(sheet);
-    stage.quad(Vec3::new(0.0, 1.0, 0.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0, sheet);
+    stage.quad(Vec3::new(0.0, 1.0, 0.0), Vec3::X * 1.1, Vec3::NEG_Z * 1.1, sheet);
     stage.sun(lux, Vec3::NEG_Y);
     let view = (&camera_above(HALF), [SIDE; 2]);
     for integrator in [Integrator::Path, Integrator::Photon] {
@@ -343,10 +353,9 @@ fn a_scene_without_light_is_black_by_light_paths() {
     let mut stage = Stage::floor(ALBEDO);
     let material = stage.material(glass(1.5));
     stage.quad(Vec3::Y, Vec3::X, Vec3::NEG_Z, material);
-    let mut studio = Studio::new(&device_guaranteed(), direct(&[]));
     for integrator in [Integrator::Photon, Integrator::Full] {
         let view = (&camera_above(HALF), [SIDE; 2]);
-        let image = studio.truth(&stage.scene, view, options(integrator), &[4]);
+        let image = trace(&stage.scene, view, options(integrator), &[4]);
         assert!(image.pixels().iter().flatten().all(|value| *value == 0.0));
     }
 }

@@ -3,9 +3,13 @@
 
 mod brdf;
 mod brdf_sample;
+mod bsdf_sample;
+mod chi_square;
 mod culling;
+mod emitter_sample;
 mod environment;
 mod follow;
+mod ggx_sun;
 mod goldens;
 mod light_paths;
 mod lights;

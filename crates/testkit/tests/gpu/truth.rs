@@ -3,10 +3,12 @@
 use std::f32::consts::PI;
 
 use chiaro::scene::{self, Environment, LightKind, Material, Scene};
-use chiaro::{Recorder, Reference, ReferenceOptions, Renderer, View};
+use chiaro::{Kit, Recorder, Reference, ReferenceOptions, View};
 use chiaro_image::Image;
+use chiaro_techniques::shaders;
 use chiaro_testkit::{
-    Stage, Studio, assets, camera_above, device, device_guaranteed, direct, nmae, place_below, reference,
+    Stage, Studio, Truth, assets, camera_above, device, device_guaranteed, direct, nmae, place_below,
+    reference,
 };
 use glam::{Vec2, Vec3, Vec4};
 
@@ -24,7 +26,23 @@ pub(crate) fn trace(
     options: ReferenceOptions,
     groups: &[u32],
 ) -> Image {
-    Studio::new(&device_guaranteed(), direct(&[])).truth(scene, (view, size), options, groups)
+    Truth::new(&device_guaranteed(), direct(&[]), scene, (view, size), options).add(groups)
+}
+
+/// The same scene from many places.
+pub(crate) fn trace_views(
+    scene: &Scene,
+    (views, size): (&[View], [u32; 2]),
+    options: ReferenceOptions,
+    groups: &[u32],
+) -> Vec<Image> {
+    let gpu = device_guaranteed();
+    let mut truth = Truth::new(&gpu, direct(&[]), scene, (&views[0], size), options);
+    let mut picture = |view| {
+        truth.look(view);
+        truth.add(groups)
+    };
+    views.iter().map(&mut picture).collect()
 }
 
 /// From 10 m above, 4 m a side.
@@ -111,9 +129,9 @@ fn a_patch_receives_what_the_form_factor_of_a_lamp_says() {
     lamp(&mut stage, 1.0, 0.4);
     let tilted = View::look_at(Vec3::new(0.0, 0.5, 4.0), Vec3::ZERO, 0.5, 0.1);
     // Seen from below the lamp shines, from above it does not.
-    let seen = trace(&stage.scene, (&tilted, [SIDE; 2]), depth(1), &[4]);
-    let above = trace(&stage.scene, (&camera_above(HALF), [SIDE; 2]), depth(1), &[1]);
-    assert!(mean(&seen, |_, _| true) > 0.01 && mean(&above, |_, _| true) == 0.0);
+    let images = trace_views(&stage.scene, (&[tilted, camera_above(HALF)], [SIDE; 2]), depth(1), &[4]);
+    let [seen, above] = [0, 1].map(|i| mean(&images[i], |_, _| true));
+    assert!(seen > 0.005 && above == 0.0, "{seen} {above}");
     let image = from_above(&stage, 2, 256);
     // Corners of the picture; its middle is under the lamp.
     for (x, y) in [(0, 0), (28, 0), (0, 28), (28, 28), (14, 0), (28, 14)] {
@@ -172,9 +190,10 @@ fn a_white_furnace_stays_white() {
     }
     let size = [96, 64];
     // From 11 and from 60 degrees, far away.
-    for towards in [Vec3::new(0.0, 1.0, 0.2), Vec3::new(0.0, 1.0, 1.73)] {
-        let view = View::look_at(towards.normalize() * 100.0, Vec3::ZERO, 0.075, 0.1);
-        let image = trace(&stage.scene, (&view, size), depth(0), &[128]);
+    let directions = [Vec3::new(0.0, 1.0, 0.2), Vec3::new(0.0, 1.0, 1.73)];
+    let views = directions.map(|to| View::look_at(to.normalize() * 100.0, Vec3::ZERO, 0.075, 0.1));
+    let images = trace_views(&stage.scene, (&views, size), depth(0), &[128]);
+    for ((towards, view), image) in directions.into_iter().zip(views).zip(images) {
         for (row, metallic) in METALLIC.into_iter().enumerate() {
             for (column, roughness) in ROUGHNESSES.into_iter().enumerate() {
                 let ndc = view.clip_from_ws(size, Vec2::ZERO).project_point3(at(row, column));
@@ -211,12 +230,12 @@ fn a_bright_texel_of_the_environment_lights_like_its_solid_angle() {
     let polar = (row as f32 + 0.5) / 64.0 * PI;
     let to = Vec3::new(polar.sin() * phi.sin(), polar.cos(), -polar.sin() * phi.cos());
     stage.quad(to * 20.0, Vec3::X * 6.0, Vec3::NEG_Z * 6.0, blocker);
-    let studio = |turn: &str| Studio::new(&device_guaranteed(), direct(&[("environment.rotation", turn)]));
-    let view = (&camera_above(HALF), [SIDE; 2]);
-    let shaded = studio("0").truth(&stage.scene, view, depth(0), &[16]);
-    assert!(mean(&shaded, |_, _| true) < 0.02 * expected);
-    let lit = studio("90").truth(&stage.scene, view, depth(0), &[64]);
-    let found = mean(&lit, |_, _| true);
+    let (gpu, view) = (device_guaranteed(), camera_above(HALF));
+    let mut truth = Truth::new(&gpu, direct(&[]), &stage.scene, (&view, [SIDE; 2]), depth(0));
+    assert!(mean(&truth.add(&[16]), |_, _| true) < 0.02 * expected);
+    truth.settings.set("environment.rotation", "90").unwrap();
+    truth.look(&view);
+    let found = mean(&truth.add(&[64]), |_, _| true);
     assert!((found / expected - 1.0).abs() < 0.03, "{found} is not {expected}");
 }
 
@@ -231,30 +250,27 @@ pub(crate) fn fresnel(cosine: f32, ior: f32) -> f32 {
 #[test]
 fn a_glass_slab_reflects_refracts_and_absorbs() {
     let (ior, thick, colour, distance) = (1.5, 0.5, 0.3f32, 0.8);
-    for angle in [0.0f32, 0.6, 1.2] {
-        let mut stage = Stage::new();
-        let glass = Material {
-            transmission: 1.0,
-            roughness: 0.0,
-            ior,
-            thickness: 1.0,
-            attenuation_color: Vec3::splat(colour),
-            attenuation_distance: distance,
-            ..Material::default()
-        };
-        let glass = stage.material(glass);
-        stage.cuboid(Vec3::ZERO, Vec3::new(50.0, 0.5 * thick, 50.0), glass);
-        let shining = Material {
-            emissive: Vec3::splat(7.0),
-            base_color: Vec4::W,
-            specular: 0.0,
-            ..Material::default()
-        };
-        let shining = stage.material(shining);
-        stage.quad(Vec3::NEG_Y, Vec3::X * 60.0, Vec3::NEG_Z * 60.0, shining);
-        let towards = Vec3::new(angle.sin(), angle.cos(), 0.0);
-        let view = View::look_at(towards * 5.0, Vec3::ZERO, 0.002, 0.1);
-        let image = trace(&stage.scene, (&view, [8, 8]), depth(0), &[256]);
+    let mut stage = Stage::new();
+    let glass = Material {
+        transmission: 1.0,
+        roughness: 0.0,
+        ior,
+        thickness: 1.0,
+        attenuation_color: Vec3::splat(colour),
+        attenuation_distance: distance,
+        ..Material::default()
+    };
+    let glass = stage.material(glass);
+    stage.cuboid(Vec3::ZERO, Vec3::new(50.0, 0.5 * thick, 50.0), glass);
+    let shining =
+        Material { emissive: Vec3::splat(7.0), base_color: Vec4::W, specular: 0.0, ..Material::default() };
+    let shining = stage.material(shining);
+    stage.quad(Vec3::NEG_Y, Vec3::X * 60.0, Vec3::NEG_Z * 60.0, shining);
+    let angles = [0.0f32, 0.6, 1.2];
+    let views = angles
+        .map(|angle| View::look_at(Vec3::new(angle.sin(), angle.cos(), 0.0) * 5.0, Vec3::ZERO, 0.002, 0.1));
+    let images = trace_views(&stage.scene, (&views, [8, 8]), depth(0), &[256]);
+    for (angle, image) in angles.into_iter().zip(images) {
         // Light that went back and forth inside arrives too; the black lamp returns nothing.
         let inside = (1.0 - (angle.sin() / ior).powi(2)).sqrt();
         let passes = colour.powf(thick / inside / distance);
@@ -295,7 +311,7 @@ fn direct_light_equals_that_of_the_deferred_pipeline() {
     let mut studio = Studio::new(&gpu, direct(&[("shadow.resolution", "4096")]));
     let loaded = studio.load(&scene);
     let deferred = studio.radiance(&loaded, &view, size, 64);
-    let traced = studio.truth(&scene, (&view, size), depth(2), &[64]);
+    let traced = trace(&scene, (&view, size), depth(2), &[64]);
     let distance = nmae(&deferred, &traced);
     // Shadow edges of a map, the surface buffer's bits, and edges of the box in 64 places of a pixel each.
     assert!(distance < 0.01, "{distance}");
@@ -306,14 +322,16 @@ fn grouping_changes_no_bit_and_another_seed_changes_many() {
     let mut scene = scene::load("builtin:cornell").unwrap();
     scene.add_default_view();
     let view = View::from_scene(&scene, 0).unwrap();
-    let mut studio = Studio::new(&device_guaranteed(), direct(&[]));
-    let mut image = |seed, groups: &[u32]| {
+    let gpu = device_guaranteed();
+    let seeded = |seed| {
         let options = ReferenceOptions { seed, ..ReferenceOptions::default() };
-        studio.truth(&scene, (&view, [48, 32]), options, groups)
+        Truth::new(&gpu, direct(&[]), &scene, (&view, [48, 32]), options)
     };
-    let once = image(5, &[8]);
-    assert_eq!(once.pixels(), image(5, &[1, 3, 4]).pixels());
-    assert!(nmae(&image(6, &[8]), &once) > 0.01);
+    let mut truth = seeded(5);
+    let once = truth.add(&[8]);
+    truth.look(&view);
+    assert_eq!(once.pixels(), truth.add(&[1, 3, 4]).pixels());
+    assert!(nmae(&seeded(6).add(&[8]), &once) > 0.01);
 }
 
 #[test]
@@ -322,12 +340,9 @@ fn stopped_and_resumed_is_bit_for_bit_the_same_as_run_through() {
     let mut scene = scene::load("builtin:cornell").unwrap();
     scene.add_default_view();
     let view = View::from_scene(&scene, 0).unwrap();
-    let mut renderer = Renderer::new(&gpu, direct(&[])).unwrap();
-    let loaded = renderer.load(&scene).unwrap();
-    let begin = || {
-        let (kit, settings) = (renderer.kit(), renderer.settings());
-        Reference::new(kit, (&scene, &loaded), settings, (&view, [48, 32]), depth(0)).unwrap()
-    };
+    let (kit, settings) = (Kit::new(&gpu, shaders::library()), direct(&[]));
+    let loaded = kit.upload(&scene).unwrap();
+    let begin = || Reference::new(&kit, (&scene, &loaded), &settings, (&view, [48, 32]), depth(0)).unwrap();
     let add = |reference: &mut Reference, count| {
         let mut recorder = Recorder::new(&gpu, false);
         let mut frame = recorder.begin();
@@ -371,12 +386,11 @@ fn rows_traced_one_band_at_a_time_and_a_restart_change_no_bit() {
     let elsewhere = View::look_at(Vec3::new(0.3, 1.2, 2.0), Vec3::Y, 0.9, 0.01);
     let (gpu, size, options) =
         (device_guaranteed(), [48, 37], ReferenceOptions { seed: 5, ..ReferenceOptions::default() });
-    let mut studio = Studio::new(&gpu, direct(&[]));
-    let once = studio.truth(&scene, (&view, size), options, &[6]);
-    let loaded = studio.load(&scene);
-    let (kit, settings) = (studio.renderer.kit(), studio.renderer.settings());
+    let once = trace(&scene, (&view, size), options, &[6]);
+    let (kit, settings) = (Kit::new(&gpu, shaders::library()), direct(&[]));
+    let loaded = kit.upload(&scene).unwrap();
     let mut reference =
-        Reference::new(kit, (&scene, &loaded), settings, (&elsewhere, size), options).unwrap();
+        Reference::new(&kit, (&scene, &loaded), &settings, (&elsewhere, size), options).unwrap();
     let mut recorder = Recorder::new(&gpu, false);
     let mut refine = |reference: &mut Reference, work: u64, most: u32| {
         let mut frame = recorder.begin();
@@ -387,7 +401,7 @@ fn rows_traced_one_band_at_a_time_and_a_restart_change_no_bit() {
     // Left in the middle of a pass.
     refine(&mut reference, 1, 9);
     assert!(reference.samples() == 0 && reference.under_way() > 0.0);
-    reference.restart(&loaded, settings, (&view, size)).unwrap();
+    reference.restart(&loaded, &settings, (&view, size)).unwrap();
     assert!(reference.under_way() == 0.0);
     let all = u64::from(6 * size[0] * size[1]);
     let mut traced = 0;
