@@ -336,11 +336,6 @@ impl Reference {
             0 => count,
             under_way => under_way,
         };
-        if let Some(observer) = self.observer.as_ref().filter(|_| under_way == 0) {
-            for sum in &mut self.observed {
-                observer.record(frame, scene, seed, (first, count), sum);
-            }
-        }
         // Beside light paths that bring all else, what is seen of lights themselves.
         let path = PathOptions { max_depth: if alone { 1 } else { max_depth }, diffuse_bounces, seed };
         let [width, height] = self.sum.size_px();
@@ -348,8 +343,16 @@ impl Reference {
         let bands = (work / (row * u64::from(BAND))).clamp(1, u64::from(u32::MAX / BAND)) as u32;
         let rows = (bands * BAND).min(height - rows_done);
         self.tracer.record(frame, scene, path, (count, rows), (&mut self.sum, map));
-        if let Some(photons) = self.photons.as_mut().filter(|_| self.sum.rows_ahead().1 == 0) {
-            photons.lanes_done = 0;
+        // What is read between dispatches must be of whole passes, all of the same.
+        if self.sum.rows_ahead().1 == 0 {
+            if let Some(photons) = &mut self.photons {
+                photons.lanes_done = 0;
+            }
+            if let Some(observer) = &self.observer {
+                for sum in &mut self.observed {
+                    observer.record(frame, scene, seed, (first, count), sum);
+                }
+            }
         }
         u64::from(rows) * row
     }

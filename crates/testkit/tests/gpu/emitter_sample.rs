@@ -69,6 +69,8 @@ fn sky(columns: u32, rows: u32) -> Environment {
 
 #[test]
 fn emitters_are_chosen_as_often_as_their_share_says() {
+    // Three lights, six triangles, the sky.
+    const COUNT: usize = 10;
     let mut stage = Stage::new();
     stage.sun(3.0, Vec3::NEG_Y);
     stage.light(LightKind::Spot { inner_rad: 0.2, outer_rad: 0.4 }, 20.0, None, Vec3::Y, Vec3::NEG_Y);
@@ -78,8 +80,6 @@ fn emitters_are_chosen_as_often_as_their_share_says() {
         stage.quad(Vec3::Y * size, Vec3::X * size, Vec3::Z * size, lamp);
     }
     stage.scene.environment = Some(sky(8, 4));
-    // Three lights, six triangles, the sky.
-    const COUNT: usize = 10;
     let drawn = draw(&stage.scene, 0.0, Case::new(CHOICES, Vec3::ZERO));
     let mut shares = [0.0; COUNT];
     // What is left of the random number is even in each.

@@ -40,7 +40,7 @@ impl Viewer {
             Progress::First(share) => {
                 format!("path traced \u{b7} first sample {:.0} %", 100.0 * share)
             }
-            Progress::Samples(1, _) => format!("path traced \u{b7} 1 sample"),
+            Progress::Samples(1, _) => "path traced \u{b7} 1 sample".into(),
             Progress::Samples(samples, None) => format!("path traced \u{b7} {samples} samples"),
             Progress::Samples(samples, Some(noise)) => {
                 format!("path traced \u{b7} {samples} samples \u{b7} noise {:.2} %", 100.0 * noise)

@@ -1,19 +1,24 @@
 //! A path tracer: unbiased light transport but for the paths that no camera tracer finds (lights without extent seen in
-//! mirrors or through glass).
+//! mirrors or through smooth glass), which [`photon`](super::photon) adds.
 //!
-//! Paths start at the camera; at every surface one emitter is chosen by flux and combined with the BRDF's own sampling
+//! Paths start at the camera; at every surface one emitter is chosen by flux and combined with the surface's own sampling
 //! by multiple importance (Veach & Guibas 1995). Materials are evaluated by the same WESL modules as in the real-time
-//! pipelines, textures at their finest mip. A light behind the triangle gives nothing, whatever the bent normal says, as
-//! there. Russian roulette ends paths from the eighth edge on.
+//! pipelines, textures at their finest mip; interfaces bend light by Snell's and Fresnel's laws, rough ones through facets
+//! (Walter et al. 2007), dispersing ones by a band of the spectrum that is drawn where a path first meets them. Blended
+//! surfaces are met as often as their alpha says. A light behind the triangle gives nothing, whatever the bent normal says,
+//! as in the pipelines. Russian roulette ends paths from the eighth edge on.
 //!
 //! | input | output | format | unit |
 //! | --- | --- | --- | --- |
 //! | frame, scene groups, `tracer` | sum | Rgba32Float | nits summed over samples; alpha sums coverage |
 //! | | squares | Rgba32Float | their squares, nits² |
+//! | | direct | Rgba32Float | the part of paths of one or two edges, nits |
+//! | photons | caustics | Rgba32Float | the part that light paths brought, nits |
 //!
-//! Limits: blended surfaces are cut at half coverage; no dispersion; rough interfaces pass no light of point-like
-//! lights. Samples are independent of how they are grouped and of which rows are traced together: the same seed
-//! gives the same image, bit for bit.
+//! Limits: one medium around a path at a time. Samples are independent of how they are grouped and of which rows are traced
+//! together: the same seed gives the same image, bit for bit.
+//!
+//! Cost: on an H100 2.2 ms for a primary ray and a bounce of each pixel of 1920×1080 in sponza, 19 ms for whole paths.
 
 pub(crate) mod emitters;
 pub(crate) mod noise;

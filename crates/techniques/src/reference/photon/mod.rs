@@ -219,6 +219,8 @@ impl PhotonTracer {
         let round = f64::from(first / samples.max(1));
         // A radius' square falls like the product of (k + kept) / (k + 1), which goes as this power.
         let shrunk = (round + 1.0).powf(0.5 * (KEPT - 1.0)) as f32;
+        // Another sequence each time that the numbers of paths begin anew.
+        let begun = (u64::from(first) * u64::from(map.lanes)) >> 32;
         let pass = PhotonPass {
             scene_lo: lo.to_array(),
             scene_hi: hi.to_array(),
@@ -231,10 +233,7 @@ impl PhotonTracer {
             size_px,
             max_depth: options.max_depth,
             diffuse_bounces: options.diffuse_bounces,
-            // Another sequence each time that the numbers of paths begin anew.
-            seed: options
-                .seed
-                .wrapping_add((u64::from(first) * u64::from(map.lanes) >> 32) as u32 * 0x9e37_79b9),
+            seed: options.seed.wrapping_add((begun as u32).wrapping_mul(0x9e37_79b9)),
             caustics_only: u32::from(options.caustics_only),
             pixel_m2,
             step: typical_nits / STEPS,
