@@ -65,9 +65,11 @@ time on a GPU, so that N is rounded up. What moves stands still while it is trac
 Examples:
   chiaro bench builtin:nave --frames 200
   chiaro bench --suite shadows --frames 1000 -o shadows/ --json shadows.json
+  chiaro bench room.glb --suite reference --size 1920x1080
 
-A suite renders builtin:terrain unless a scene is named, writes a picture of every combination and
-table.md to the folder of -o, and measures with 2048x2048 maps rendered every frame.")]
+The suite reference tells rays, paths and light paths a second. The suite shadows renders
+builtin:terrain unless a scene is named, writes a picture of every combination and table.md to the
+folder of -o, and measures with 2048x2048 maps rendered every frame.")]
     Bench(BenchArgs),
     /// Measure how far image A is from the reference image B
     #[command(after_help = "\
@@ -282,7 +284,7 @@ pub enum Suite {
     Indirect,
     /// Caustics
     Caustics,
-    /// The path-traced reference
+    /// The tracers of the reference
     Reference,
 }
 

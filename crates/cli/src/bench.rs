@@ -84,8 +84,11 @@ pub fn measure(session: &mut Session, frames: u32, tick: impl Fn()) -> anyhow::R
 pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
     match args.suite {
         None => {}
-        Some(Suite::Shadows) => return suite::run(args),
-        Some(other) => bail!("--suite {other:?}: there are no such techniques yet; --suite shadows is there"),
+        Some(Suite::Shadows) => return suite::shadows::run(args),
+        Some(Suite::Reference) => return suite::reference::run(args),
+        Some(other) => {
+            bail!("--suite {other:?}: there are no such techniques yet; shadows and reference are there")
+        }
     }
     let mut session = Session::open(&args.scene, &args.settings)?;
     let measured = measure(&mut session, args.frames, || ())?;

@@ -1,0 +1,147 @@
+//! `chiaro bench --suite reference`: how many rays, paths and light paths a second the tracers do.
+
+use std::fmt::Write as _;
+
+use chiaro::scene::Scene;
+use chiaro::{Integrator, Recorder, Reference, ReferenceOptions};
+use serde::Serialize;
+
+use crate::args::BenchArgs;
+use crate::output::print;
+use crate::render;
+use crate::session::Session;
+use crate::timings::{Machine, NO_TIMESTAMPS, Spread, summarise};
+
+/// Before measuring: shaders warm, clocks up.
+const WARM_UP: u32 = 5;
+/// Samples of each pixel in a frame, where there is a GPU.
+const SAMPLES: u32 = 8;
+
+/// What is traced.
+struct Row {
+    name: &'static str,
+    unit: &'static str,
+    options: ReferenceOptions,
+    /// Without light, a path is nothing but its own rays.
+    dark: bool,
+    /// Rays of a sample, where all meet something.
+    rays: f64,
+}
+
+#[derive(Serialize)]
+struct Rate {
+    name: &'static str,
+    unit: &'static str,
+    /// GPU time of a frame.
+    time: Spread,
+    samples: u32,
+    millions_per_s: f64,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    machine: &'a Machine,
+    scene: &'a str,
+    triangles: u32,
+    size: [u32; 2],
+    frames: u32,
+    rates: &'a [Rate],
+}
+
+fn rows() -> [Row; 5] {
+    let traced =
+        |integrator, max_depth| ReferenceOptions { integrator, max_depth, ..ReferenceOptions::default() };
+    let row = |name, unit, options, dark, rays| Row { name, unit, options, dark, rays };
+    [
+        row("primary rays", "rays", traced(Integrator::Path, 1), true, 1.0),
+        row("primary rays and one bounce", "rays", traced(Integrator::Path, 2), true, 2.0),
+        row("paths from the camera", "paths", traced(Integrator::Path, 0), false, 1.0),
+        row("paths from the lights", "light paths", traced(Integrator::Photon, 0), false, 1.0),
+        row("both", "pairs", traced(Integrator::Full, 0), false, 1.0),
+    ]
+}
+
+/// Without anything that shines.
+fn dark(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    scene.nodes.iter_mut().for_each(|node| node.light = None);
+    scene.materials.iter_mut().for_each(|material| material.emissive *= 0.0);
+    scene.environment = None;
+    scene
+}
+
+pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
+    let mut session = Session::open_with(&args.scene, &args.settings, Scene::add_default_view_to_trace)?;
+    let mut rates = Vec::new();
+    for row in rows() {
+        rates.extend(measure(&mut session, &row, args.frames)?);
+    }
+    let machine = Machine::of(&session.gpu);
+    if rates.is_empty() {
+        eprintln!("note: {NO_TIMESTAMPS}");
+    }
+    let [width, height] = session.size;
+    let mut text = format!(
+        "Tracers on {}\n{}, {} triangles, {width}x{height}, median of {} frames\n\n",
+        machine.adapter, session.scene_name, session.scene.gpu.triangle_count, args.frames
+    );
+    for Rate { name, unit, time, samples, millions_per_s } in &rates {
+        let each = time.median_ms / f64::from(*samples);
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            text,
+            "  {name:<30}{millions_per_s:>10.1} million {unit}/s   {each:.3} ms a sample of each pixel"
+        );
+    }
+    print(&text)?;
+    if let Some(path) = &args.json {
+        let report = Report {
+            machine: &machine,
+            scene: &session.scene_name,
+            triangles: session.scene.gpu.triangle_count,
+            size: session.size,
+            frames: args.frames,
+            rates: &rates,
+        };
+        render::create_parent(path)?;
+        std::fs::write(path, serde_json::to_string_pretty(&report)? + "\n")?;
+    }
+    Ok(())
+}
+
+/// Nothing without timestamps.
+fn measure(session: &mut Session, row: &Row, frames: u32) -> anyhow::Result<Option<Rate>> {
+    let Session { gpu, renderer, scene, view, size, source, .. } = session;
+    let without_light = row.dark.then(|| dark(source));
+    let (source, loaded) = match &without_light {
+        Some(source) => (source, &renderer.load(source)?),
+        None => (&*source, &*scene),
+    };
+    let (kit, settings) = (renderer.kit(), renderer.settings());
+    let mut reference = Reference::new(kit, (source, loaded), settings, (view, *size), row.options)?;
+    let samples = if gpu.is_software() { 1 } else { SAMPLES };
+    let mut recorder = Recorder::new(gpu, true);
+    let mut timings = Vec::new();
+    for index in 0..WARM_UP + frames {
+        let mut frame = recorder.begin();
+        reference.add(&mut frame, loaded, samples);
+        frame.submit();
+        recorder.wait()?;
+        let taken = recorder.take_timings();
+        if index >= WARM_UP {
+            timings.extend(taken);
+        }
+    }
+    let pixels = f64::from(size[0]) * f64::from(size[1]);
+    let each = if row.options.integrator == Integrator::Photon {
+        f64::from(reference.light_paths())
+    } else {
+        pixels
+    };
+    Ok(summarise(&timings).map(|summary| {
+        let time = summary.frame_span;
+        let done = each * f64::from(samples) * row.rays;
+        let millions_per_s = done / (time.median_ms * 1e-3) * 1e-6;
+        Rate { name: row.name, unit: row.unit, time, samples, millions_per_s }
+    }))
+}
