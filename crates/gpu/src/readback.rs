@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::time::{Duration, Instant};
 
 use crate::{Buffer, Gpu, GpuError, Texture};
 
@@ -155,8 +154,8 @@ impl BufferReadback {
 const PENDING: u8 = 0;
 const READY: u8 = 1;
 const FAILED: u8 = 2;
-/// How long a callback may take to be called after the device is done.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// Times that another thread is let run to call a callback after the device is done.
+const PATIENCE: u32 = 1_000_000;
 
 /// A buffer that the CPU can map, and whether it is mapped yet.
 #[derive(Debug)]
@@ -198,16 +197,13 @@ impl Staging {
             .map_err(|e| GpuError::DeviceLost(e.to_string()))?;
         gpu.check()?;
         // Another thread that waits for the same device may have taken this one's callback and be about to call it.
-        let patience = Instant::now() + PATIENCE;
-        loop {
+        for _ in 0..PATIENCE {
             if let Some(bytes) = self.take(gpu)? {
                 return Ok(bytes);
             }
-            if Instant::now() > patience {
-                return Err(GpuError::DeviceLost("a read-back did not finish".into()));
-            }
-            std::thread::sleep(Duration::from_micros(100));
+            std::thread::yield_now();
         }
+        Err(GpuError::DeviceLost("a read-back did not finish".into()))
     }
 
     fn take(&self, gpu: &Gpu) -> Result<Option<Vec<u8>>, GpuError> {

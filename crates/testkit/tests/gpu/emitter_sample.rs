@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use chiaro::scene::{Environment, LightKind, Material, Scene};
 use chiaro_gpu::Dispatch;
 use chiaro_techniques::reference::bvh::TraceData;
-use chiaro_techniques::shared::frame::{FrameData, LightData};
+use chiaro_techniques::shared::frame::FrameData;
 use chiaro_techniques::surface::SceneGpu;
 use chiaro_testkit::{Bench, Stage, device_guaranteed};
 use glam::{Vec2, Vec3};
@@ -42,10 +42,7 @@ impl Case {
 
 fn draw(scene: &Scene, turn_rad: f32, case: Case) -> Vec<[f32; 4]> {
     let gpu = device_guaranteed();
-    let mut bench = Bench::without_shadows(&gpu);
-    let lights = [LightData { kind: LightData::POINT, ..LightData::zeroed() }; 8];
-    bench.frame.reserve(&gpu, lights.len(), 0, None);
-    gpu.queue.write_buffer(bench.frame.lights.raw(), 0, bytemuck::cast_slice(&lights));
+    let bench = Bench::without_shadows(&gpu);
     bench.set_frame(&FrameData { environment_turn: [turn_rad.cos(), turn_rad.sin()], ..FrameData::zeroed() });
     let loaded = SceneGpu::upload(&gpu, &bench.scene_layout, scene).unwrap();
     let traced = TraceData::build(scene, &scene.pose(0.0)).upload(&gpu).unwrap();
@@ -67,6 +64,9 @@ fn sky(columns: u32, rows: u32) -> Environment {
     Environment { name: "test".into(), width: columns, height: rows, radiance }
 }
 
+/// Three lights, six triangles, the sky.
+const EMITTERS: usize = 10;
+
 #[test]
 fn emitters_are_chosen_as_often_as_their_share_says() {
     // Three lights, six triangles, the sky.
@@ -81,9 +81,9 @@ fn emitters_are_chosen_as_often_as_their_share_says() {
     }
     stage.scene.environment = Some(sky(8, 4));
     let drawn = draw(&stage.scene, 0.0, Case::new(CHOICES, Vec3::ZERO));
-    let mut shares = [0.0; COUNT];
+    let mut shares = [0.0; EMITTERS];
     // What is left of the random number is even in each.
-    let mut cells = vec![(0.0, 0.0); 4 * COUNT];
+    let mut cells = vec![(0.0, 0.0); 4 * EMITTERS];
     for [index, share, rest, _] in drawn {
         let index = index as usize;
         shares[index] = f64::from(share);

@@ -134,10 +134,10 @@ fn a_patch_receives_what_the_form_factor_of_a_lamp_says() {
     assert!(seen > 0.005 && above == 0.0, "{seen} {above}");
     let image = from_above(&stage, 2, 256);
     // Corners of the picture; its middle is under the lamp.
-    for (x, y) in [(0, 0), (28, 0), (0, 28), (28, 28), (14, 0), (28, 14)] {
-        let found = mean(&image, |px, py| (x..x + 4).contains(&px) && (y..y + 4).contains(&py));
-        let cells = (0..16).map(|i| form_factor(place(x + i % 4, y + i / 4), 1.0, 0.4));
-        let expected = cells.sum::<f32>() / 16.0 * ALBEDO;
+    for (x, y) in [(0, 0), (24, 0), (0, 24), (24, 24), (12, 0), (24, 12)] {
+        let found = mean(&image, |px, py| (x..x + 8).contains(&px) && (y..y + 8).contains(&py));
+        let cells = (0..64).map(|i| form_factor(place(x + i % 8, y + i / 8), 1.0, 0.4));
+        let expected = cells.sum::<f32>() / 64.0 * ALBEDO;
         assert!((found / expected - 1.0).abs() < 0.01, "{x} {y}: {found} is not {expected}");
     }
 }
