@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use chiaro::scene::Scene;
 use chiaro::{Integrator, Recorder, Reference, ReferenceOptions};
 
 use crate::args::{self, ReferenceArgs, SettingsArgs};
@@ -30,7 +29,7 @@ const WRITING: u32 = 20;
 pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     let first_hits = file::first_hits(args)?;
     let settings = SettingsArgs { preset: None, set: args.set.clone(), seed: args.seed, pipeline: None };
-    let mut session = Session::open_with(&args.scene, &settings, Scene::add_default_view_to_trace)?;
+    let mut session = Session::open_to_trace(&args.scene, &settings)?;
     if session.duration_s().is_none() && args.time != 0.0 {
         eprintln!("note: nothing moves in this scene");
     }

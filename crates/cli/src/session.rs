@@ -2,14 +2,14 @@
 
 use anyhow::{Context, bail};
 use chiaro::scene::{LoadOptions, Pose, Scene};
-use chiaro::{Gpu, GpuOptions, LoadedScene, Pipeline, Renderer, Settings, View, scene};
+use chiaro::{Gpu, GpuOptions, Kit, LoadedScene, Pipeline, Renderer, Settings, View, scene};
 
 use crate::args::{self, SceneArgs, SettingsArgs};
 
-/// Everything that a frame needs.
-pub struct Session {
+/// Everything that a frame needs, or what is traced instead.
+pub struct Session<R = Renderer> {
     pub gpu: Gpu,
-    pub renderer: Renderer,
+    pub renderer: R,
     pub scene: LoadedScene,
     pub scene_name: String,
     pub view: View,
@@ -30,17 +30,62 @@ enum Eye {
 /// Near plane of `--view` cameras.
 const NEAR_M: f32 = 0.05;
 
+/// In the renderer's place where light is traced: no pass of a frame is compiled.
+pub struct Tracing {
+    kit: Kit,
+    settings: Settings,
+}
+
+impl Tracing {
+    pub fn kit(&self) -> &Kit {
+        &self.kit
+    }
+
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+}
+
 impl Session {
     /// Opens the device, reads the scene, compiles the passes. Remarks for the user go to standard error.
     pub fn open(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
-        Self::open_with(scene_args, settings_args, Scene::add_default_view)
+        Self::open_with(scene_args, settings_args, Scene::add_default_view, |gpu, settings, scene| {
+            let mut renderer = Renderer::new(gpu, settings)?;
+            let loaded = renderer.load(scene)?;
+            Ok((renderer, loaded))
+        })
     }
 
-    /// The same with another way of adding what the scene lacks to be seen.
-    pub fn open_with(
+    /// Tells what the renderer gave up, once.
+    pub fn tell_notes(&self) {
+        for note in self.renderer.notes() {
+            eprintln!("warning: {note}");
+        }
+    }
+}
+
+impl Session<Tracing> {
+    /// Opens the device and reads the scene, which gets light only where nothing in it shines.
+    pub fn open_to_trace(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
+        Self::open_with(
+            scene_args,
+            settings_args,
+            Scene::add_default_view_to_trace,
+            |gpu, settings, scene| {
+                let kit = Kit::new(gpu, chiaro::techniques::shaders::library());
+                let loaded = kit.upload(scene)?;
+                Ok((Tracing { kit, settings }, loaded))
+            },
+        )
+    }
+}
+
+impl<R> Session<R> {
+    fn open_with(
         scene_args: &SceneArgs,
         settings_args: &SettingsArgs,
         complete: fn(&mut Scene),
+        load: fn(&Gpu, Settings, &Scene) -> anyhow::Result<(R, LoadedScene)>,
     ) -> anyhow::Result<Self> {
         let settings = settings(settings_args)?;
         let name = scene_name(scene_args);
@@ -61,8 +106,7 @@ impl Session {
         if size.iter().any(|&side| side > limit) {
             bail!("--size {}x{}: {} renders up to {limit}x{limit}", size[0], size[1], gpu.info.name);
         }
-        let mut renderer = Renderer::new(&gpu, settings)?;
-        let loaded = renderer.load(&scene)?;
+        let (renderer, loaded) = load(&gpu, settings, &scene)?;
         let view = see(&scene, &scene.pose(0.0), eye)?;
         Ok(Self { gpu, renderer, scene: loaded, scene_name: name, view, size, source: scene, eye })
     }
@@ -78,13 +122,6 @@ impl Session {
         self.scene.set_pose(&self.source, &pose);
         self.view = see(&self.source, &pose, self.eye)?;
         Ok(())
-    }
-
-    /// Tells what the renderer gave up, once.
-    pub fn tell_notes(&self) {
-        for note in self.renderer.notes() {
-            eprintln!("warning: {note}");
-        }
     }
 }
 

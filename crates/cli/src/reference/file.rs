@@ -10,7 +10,7 @@ use clap::ValueEnum;
 
 use crate::args::{Integrator, ReferenceArgs};
 use crate::render::mean;
-use crate::session::Session;
+use crate::session::{Session, Tracing};
 
 /// The settings that say what is there.
 const SETTINGS: [&str; 3] = ["surface.lighting", "surface.normal_maps", "environment."];
@@ -23,7 +23,11 @@ const SHORT: usize = 40;
 
 /// What is traced: the sums of two files can go on in each other only if all of this is equal, but for the samples and
 /// the scene's name.
-pub fn about(args: &ReferenceArgs, session: &Session, reference: &Reference) -> BTreeMap<String, String> {
+pub fn about(
+    args: &ReferenceArgs,
+    session: &Session<Tracing>,
+    reference: &Reference,
+) -> BTreeMap<String, String> {
     let integrator = args.integrator.to_possible_value();
     let entries = [
         ("chiaro", env!("CARGO_PKG_VERSION").to_owned()),

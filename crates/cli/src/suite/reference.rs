@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::args::BenchArgs;
 use crate::output::print;
 use crate::render;
-use crate::session::Session;
+use crate::session::{Session, Tracing};
 use crate::timings::{Machine, NO_TIMESTAMPS, Spread, summarise};
 
 /// Before measuring: shaders warm, clocks up.
@@ -71,10 +71,10 @@ fn dark(scene: &Scene) -> Scene {
 }
 
 pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
-    let mut session = Session::open_with(&args.scene, &args.settings, Scene::add_default_view_to_trace)?;
+    let session = Session::open_to_trace(&args.scene, &args.settings)?;
     let mut rates = Vec::new();
     for row in rows() {
-        rates.extend(measure(&mut session, &row, args.frames)?);
+        rates.extend(measure(&session, &row, args.frames)?);
     }
     let machine = Machine::of(&session.gpu);
     if rates.is_empty() {
@@ -110,12 +110,12 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
 }
 
 /// Nothing without timestamps.
-fn measure(session: &mut Session, row: &Row, frames: u32) -> anyhow::Result<Option<Rate>> {
+fn measure(session: &Session<Tracing>, row: &Row, frames: u32) -> anyhow::Result<Option<Rate>> {
     let Session { gpu, renderer, scene, view, size, source, .. } = session;
     let without_light = row.dark.then(|| dark(source));
     let (source, loaded) = match &without_light {
-        Some(source) => (source, &renderer.load(source)?),
-        None => (&*source, &*scene),
+        Some(source) => (source, &renderer.kit().upload(source)?),
+        None => (source, scene),
     };
     let (kit, settings) = (renderer.kit(), renderer.settings());
     let mut reference = Reference::new(kit, (source, loaded), settings, (view, *size), row.options)?;
