@@ -40,6 +40,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("reference/path/emitters.wesl"),
     shader!("reference/path/medium.wesl"),
     shader!("reference/path/noise.cs.wesl"),
+    shader!("reference/path/roulette.wesl"),
     shader!("reference/path/sampler.wesl"),
     shader!("reference/path/trace.cs.wesl"),
     shader!("reference/path/vertex.wesl"),

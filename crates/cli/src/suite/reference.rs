@@ -8,7 +8,6 @@ use serde::Serialize;
 
 use crate::args::BenchArgs;
 use crate::output::print;
-use crate::render;
 use crate::session::{Session, Tracing};
 use crate::timings::{Machine, NO_TIMESTAMPS, Spread, summarise};
 
@@ -36,16 +35,6 @@ struct Rate {
     time: Spread,
     samples: u32,
     millions_per_s: f64,
-}
-
-#[derive(Serialize)]
-struct Report<'a> {
-    machine: &'a Machine,
-    scene: &'a str,
-    triangles: u32,
-    size: [u32; 2],
-    frames: u32,
-    rates: &'a [Rate],
 }
 
 fn rows() -> [Row; 5] {
@@ -94,19 +83,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
         );
     }
     print(&text)?;
-    if let Some(path) = &args.json {
-        let report = Report {
-            machine: &machine,
-            scene: &session.scene_name,
-            triangles: session.scene.gpu.triangle_count,
-            size: session.size,
-            frames: args.frames,
-            rates: &rates,
-        };
-        render::create_parent(path)?;
-        std::fs::write(path, serde_json::to_string_pretty(&report)? + "\n")?;
-    }
-    Ok(())
+    super::write_json(args, &machine, &session, &rates)
 }
 
 /// Nothing without timestamps.

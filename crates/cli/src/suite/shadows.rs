@@ -44,16 +44,6 @@ struct Cost {
     timings: Option<Summary>,
 }
 
-#[derive(Serialize)]
-struct Report<'a> {
-    machine: &'a Machine,
-    scene: &'a str,
-    triangles: u32,
-    size: [u32; 2],
-    frames: u32,
-    rows: &'a [Cost],
-}
-
 const LAYOUTS: [(&str, &str); 2] = [("single", "one map"), ("cascaded", "cascades")];
 
 /// The thesis' twelve.
@@ -150,19 +140,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
     if costs.iter().all(|cost| cost.timings.is_none()) {
         eprintln!("note: {NO_TIMESTAMPS}");
     }
-    if let Some(path) = &args.json {
-        let report = Report {
-            machine: &machine,
-            scene: &session.scene_name,
-            triangles: session.scene.gpu.triangle_count,
-            size: session.size,
-            frames: args.frames,
-            rows: &costs,
-        };
-        render::create_parent(path)?;
-        std::fs::write(path, serde_json::to_string_pretty(&report)? + "\n")
-            .with_context(|| format!("cannot write {}", path.display()))?;
-    }
+    super::write_json(args, &machine, &session, &costs)?;
     print(&format!("\n{} pictures and table.md in {}\n", rows.len(), args.output.display()))
 }
 
