@@ -390,14 +390,6 @@ impl Reference {
         Ok(Readback::start(&self.kit.gpu, self.sum.sum())?)
     }
 
-    /// Rgba32Float: squares of the samples' nits, summed.
-    ///
-    /// # Errors
-    /// As [`Reference::sum`].
-    pub fn squares(&self) -> Result<Readback, Error> {
-        Ok(Readback::start(&self.kit.gpu, self.sum.squares())?)
-    }
-
     /// Everything that samples are added to, by names that stay: Rgba32Float, summed over samples.
     pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture)> {
         self.sum.layers().chain(self.observed.iter().map(|sum| (sum.what.layer(), sum.texture())))
