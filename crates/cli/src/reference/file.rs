@@ -213,8 +213,8 @@ impl Sums {
     }
 }
 
-/// The estimated variance of each pixel's mean by colour, as if samples were independent: (E[x²] − E[x]²) / rounds, x
-/// being the mean of a round of samples that share light paths, or one sample.
+/// The estimated variance of each pixel's mean by colour, as if samples were independent: (mean x² − (mean x)²) / rounds,
+/// x being the mean of a round of samples that share light paths, or one sample.
 fn variance(sum: &[f32], squares: &[f32], (samples, round): (u32, u32)) -> [Vec<f32>; 3] {
     let n = f64::from(samples.max(1));
     let rounds = n / f64::from(round);

@@ -69,8 +69,6 @@ const EMITTERS: usize = 10;
 
 #[test]
 fn emitters_are_chosen_as_often_as_their_share_says() {
-    // Three lights, six triangles, the sky.
-    const COUNT: usize = 10;
     let mut stage = Stage::new();
     stage.sun(3.0, Vec3::NEG_Y);
     stage.light(LightKind::Spot { inner_rad: 0.2, outer_rad: 0.4 }, 20.0, None, Vec3::Y, Vec3::NEG_Y);

@@ -6,9 +6,9 @@
 //! Jensen 2010), and the path tracer's paths gather those within a radius that shrinks from round to round (Knaus &
 //! Zwicker 2011, "Progressive Photon Mapping: A Probabilistic Approach"), so that the estimate converges.
 //!
-//! Alone ([`PhotonPass::caustics_only`] 0) the light paths make the whole picture of surfaces that scatter; mirrors and
-//! glass stay black. Beside the path tracer they bring just the paths that leave mirrors and smooth interfaces for a
-//! surface that scatters, and the path tracer leaves those out: nothing counts twice.
+//! Alone ([`PhotonOptions::caustics_only`] is false) the light paths make the whole picture of surfaces that scatter;
+//! mirrors and glass stay black. Beside the path tracer they bring just the paths that leave mirrors and smooth interfaces
+//! for a surface that scatters, and the path tracer leaves those out: nothing counts twice.
 //!
 //! | input | output | format | unit |
 //! | --- | --- | --- | --- |
