@@ -418,8 +418,7 @@ impl GroupLayout {
     }
 
     /// How many bindings it declares.
-    #[allow(clippy::len_without_is_empty)]
-    pub fn len(&self) -> usize {
+    pub fn binding_count(&self) -> usize {
         self.entries.len()
     }
 

@@ -235,11 +235,6 @@ impl SceneMotion {
         true
     }
 
-    /// Whether anything can move or bend.
-    pub fn moves(&self) -> bool {
-        !self.rigid.is_empty() || !self.bending.is_empty()
-    }
-
     /// Counts poses: two frames of the same number show the same.
     pub fn generation(&self) -> u64 {
         self.generation

@@ -242,5 +242,5 @@ fn fill(
     let (frame, lights, views, table, environment, sampler) = handles;
     let bindings: [Binding<'_>; 6] =
         [frame.into(), lights.into(), table.into(), environment.into(), sampler.into(), views.into()];
-    layout.group(gpu, &bindings[..layout.len()])
+    layout.group(gpu, &bindings[..layout.binding_count()])
 }

@@ -35,7 +35,7 @@ use chiaro_gpu::{
 use chiaro_scene as cs;
 
 use crate::reference::bvh::{TraceFacts, TraceScene};
-use crate::reference::photon::{PhotonMap, is_specular};
+use crate::reference::photon::{PhotonMap, Specular};
 use crate::shaders;
 use crate::surface::{SceneFacts, SceneGpu};
 
@@ -77,8 +77,8 @@ pub struct Interfaces(bool);
 
 impl Interfaces {
     /// Looks at a scene's materials.
-    pub fn of(scene: &cs::Scene) -> Self {
-        Self(scene.materials.iter().any(|m| m.transmission > 0.0 || is_specular(scene, m)))
+    pub fn of(scene: &cs::Scene, specular: &Specular) -> Self {
+        Self(specular.any() || scene.materials.iter().any(|m| m.transmission > 0.0))
     }
 
     pub(crate) fn constant(self) -> (&'static str, f64) {

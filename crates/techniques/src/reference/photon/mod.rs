@@ -95,14 +95,29 @@ pub struct PhotonView {
     pub specular_ws: Option<(Vec3, Vec3)>,
 }
 
-/// World-space bounds of what mirrors exactly or refracts without blur, m.
-pub fn specular_bounds(scene: &cs::Scene, pose: &cs::Pose) -> Option<(Vec3, Vec3)> {
-    let specular: Vec<_> = scene.materials.iter().map(|material| is_specular(scene, material)).collect();
-    scene.bounds_of(pose, |material| specular[material])
+/// Which materials of a scene mirror exactly or refract without blur; found once, for their textures are looked through.
+#[derive(Clone, Debug)]
+pub struct Specular(Vec<bool>);
+
+impl Specular {
+    /// Looks at a scene's materials.
+    pub fn of(scene: &cs::Scene) -> Self {
+        Self(scene.materials.iter().map(|material| is_specular(scene, material)).collect())
+    }
+
+    /// Whether any does.
+    pub fn any(&self) -> bool {
+        self.0.contains(&true)
+    }
+
+    /// World-space bounds of what is made of them, m.
+    pub fn bounds_ws(&self, scene: &cs::Scene, pose: &cs::Pose) -> Option<(Vec3, Vec3)> {
+        scene.bounds_of(pose, |material| self.0[material])
+    }
 }
 
 /// Whether a material mirrors exactly or lets light through without blur somewhere.
-pub(crate) fn is_specular(scene: &cs::Scene, material: &cs::Material) -> bool {
+fn is_specular(scene: &cs::Scene, material: &cs::Material) -> bool {
     let reflects = material.metallic > 0.0 || material.specular > 0.0 || material.transmission > 0.0;
     if material.reflection != cs::Reflection::MetallicRoughness || !reflects {
         return false;

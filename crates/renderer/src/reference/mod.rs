@@ -1,54 +1,26 @@
 //! Light transport without shortcuts, sample by sample.
 
-use bytemuck::Zeroable;
+mod frame;
+mod options;
+
 use chiaro_gpu::{Buffer, Frame, Gpu, Readback, Texture, wgpu};
 use chiaro_scene::{Pose, Scene};
 use chiaro_techniques::motion::Motion;
 use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceScene};
 use chiaro_techniques::reference::first_hit::{FirstHitSum, FirstHitTracer};
 use chiaro_techniques::reference::path::{Interfaces, PathNoise, PathOptions, PathSum, PathTracer};
-use chiaro_techniques::reference::photon::{
-    PhotonMap, PhotonOptions, PhotonTracer, PhotonView, specular_bounds,
-};
-use chiaro_techniques::shared::frame::{FrameData, FrameGroup, LightData};
+use chiaro_techniques::reference::photon::{PhotonMap, PhotonOptions, PhotonTracer, PhotonView, Specular};
+use chiaro_techniques::shared::frame::FrameGroup;
 use chiaro_techniques::surface::SceneFacts;
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 pub use chiaro_techniques::reference::first_hit::FirstHit;
+pub use options::{Integrator, ReferenceOptions};
+
+use frame::write_frame;
 
 use crate::loaded::WHITE_STORED;
 use crate::{Error, Kit, LoadedScene, Settings, View};
-
-/// Which paths make an image.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Integrator {
-    /// Paths from the camera: all light but that of lamps without extent over mirrors or through smooth glass.
-    #[default]
-    Path,
-    /// Paths from the lights to surfaces that scatter and are seen directly; mirrors and smooth glass are black.
-    Photon,
-    /// Both, nothing twice: everything. Where nothing mirrors or refracts, the same as [`Integrator::Path`].
-    Full,
-}
-
-/// What is traced.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ReferenceOptions {
-    /// Which paths.
-    pub integrator: Integrator,
-    /// Most edges of a path: 1 shows what glows, 2 direct light, 3 one bounce; 0 = no limit.
-    pub max_depth: u32,
-    /// Most times that light is scattered from one surface to another; mirrors and smooth interfaces do not count.
-    pub diffuse_bounces: u32,
-    /// What random numbers start from.
-    pub seed: u32,
-}
-
-impl Default for ReferenceOptions {
-    fn default() -> Self {
-        Self { integrator: Integrator::Path, max_depth: 0, diffuse_bounces: u32::MAX, seed: 0 }
-    }
-}
 
 /// Samples that share light paths: enough for lanes to balance long paths with short ones.
 const ROUND: u32 = 4;
@@ -74,7 +46,6 @@ pub struct Reference {
     noise: PathNoise,
     photons: Option<Photons>,
     following: Option<Following>,
-    extent: Extent,
     sum: PathSum,
     observer: Option<FirstHitTracer>,
     observed: Vec<FirstHitSum>,
@@ -88,21 +59,9 @@ struct Photons {
     // Of the image's size; none before there is one.
     map: Option<PhotonMap>,
     lanes_done: u32,
-}
-
-/// Where light goes.
-#[derive(Clone, Copy, Debug)]
-struct Extent {
-    bounds_ws: (Vec3, Vec3),
-    // Of what mirrors or refracts.
+    specular: Specular,
+    // Where what mirrors or refracts is now.
     specular_ws: Option<(Vec3, Vec3)>,
-}
-
-impl Extent {
-    fn of(scene: &Scene, pose: &Pose) -> Self {
-        let bounds_ws = scene.bounds_at(pose).unwrap_or_default();
-        Self { bounds_ws, specular_ws: specular_bounds(scene, pose) }
-    }
 }
 
 /// Passes for scenes that move.
@@ -144,24 +103,25 @@ impl Reference {
     ) -> Result<Self, Error> {
         let gpu = &kit.gpu;
         let traced = TraceData::build(scene, pose).upload(gpu)?;
-        let facts = (facts, traced.facts, Interfaces::of(scene));
+        let specular = Specular::of(scene);
+        let specular_ws = specular.bounds_ws(scene, pose);
+        let facts = (facts, traced.facts, Interfaces::of(scene, &specular));
         let following = scene.duration_s().map(|_| -> Result<_, Error> {
             let (motion, refit) = (Motion::new(gpu, &kit.library)?, Refit::new(gpu, &kit.library)?);
             Ok(Following { motion, refit })
         });
         let following = following.transpose()?;
-        let extent = Extent::of(scene, pose);
         let needed = match options.integrator {
             Integrator::Path => false,
             Integrator::Photon => true,
-            Integrator::Full => extent.specular_ws.is_some(),
+            Integrator::Full => specular_ws.is_some(),
         };
         let frame_layout = FrameGroup::layout_without_shadows(gpu);
         let layouts = (&frame_layout, &kit.scene_layout);
         let tracer = PathTracer::new(gpu, &kit.library, layouts, facts, needed)?;
         let photons = needed.then(|| -> Result<_, Error> {
             let tracer = PhotonTracer::new(gpu, &kit.library, layouts, facts)?;
-            Ok(Photons { tracer, map: None, lanes_done: 0 })
+            Ok(Photons { tracer, map: None, lanes_done: 0, specular, specular_ws })
         });
         Ok(Self {
             kit: kit.clone(),
@@ -171,7 +131,6 @@ impl Reference {
             noise: PathNoise::new(gpu, &kit.library)?,
             photons: photons.transpose()?,
             following,
-            extent,
             sum: PathSum::new(gpu, [1; 2], needed),
             observer: None,
             observed: Vec::new(),
@@ -197,8 +156,8 @@ impl Reference {
                 size_px,
                 pixel_m2: view.pixel_m2(size_px),
                 typical_nits: WHITE_STORED / loaded.radiance_scale,
-                bounds_ws: self.extent.bounds_ws,
-                specular_ws: self.extent.specular_ws,
+                bounds_ws: loaded.gpu.bounds_ws,
+                specular_ws: photons.specular_ws,
             };
             match &mut photons.map {
                 Some(map) if same_size => map.view = seen,
@@ -208,7 +167,7 @@ impl Reference {
         }
         let environment = loaded.environment.as_ref().map(|map| &map.texture);
         self.frame_group.reserve(gpu, loaded.lights.len(), 0, environment);
-        write_frame(gpu, &self.frame_group, loaded, &frame_data(loaded, settings, view, size_px));
+        write_frame(gpu, &self.frame_group, (loaded, settings), (view, size_px));
         if same_size {
             self.sum.resume(0);
         } else {
@@ -232,7 +191,9 @@ impl Reference {
         if !self.traced.update(gpu, scene, &loaded.pose) {
             self.traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
         }
-        self.extent = Extent::of(scene, &loaded.pose);
+        if let Some(photons) = &mut self.photons {
+            photons.specular_ws = photons.specular.bounds_ws(scene, &loaded.pose);
+        }
         self.restart(loaded, settings, image)
     }
 
@@ -318,7 +279,7 @@ impl Reference {
         let (first, round) = (self.sum.samples(), self.round());
         let (rows_done, under_way) = self.sum.rows_ahead();
         let alone = integrator == Integrator::Photon;
-        if let Some(Photons { tracer, map: Some(map), lanes_done }) = &mut self.photons
+        if let Some(Photons { tracer, map: Some(map), lanes_done, .. }) = &mut self.photons
             && under_way == 0
             && *lanes_done < map.lanes()
         {
@@ -443,40 +404,4 @@ fn upload(gpu: &Gpu, texture: &Texture, texels: &[f32]) {
         wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * width), rows_per_image: None },
         wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
     );
-}
-
-fn write_frame(gpu: &Gpu, group: &FrameGroup, loaded: &LoadedScene, data: &FrameData) {
-    let lights: Vec<_> =
-        loaded.lights.iter().map(|l| LightData { first_view: LightData::NO_VIEW, ..*l }).collect();
-    gpu.queue.write_buffer(group.frame.raw(), 0, bytemuck::bytes_of(data));
-    gpu.queue.write_buffer(group.lights.raw(), 0, bytemuck::cast_slice(&lights));
-}
-
-fn frame_data(loaded: &LoadedScene, settings: &Settings, view: &View, size_px: [u32; 2]) -> FrameData {
-    let turn = settings.environment.rotation.to_radians();
-    let clip_from_ws = view.clip_from_ws(size_px, Vec2::ZERO).to_cols_array_2d();
-    let nits = loaded.environment.as_ref().map_or(0.0, |map| map.nits * settings.environment.intensity);
-    FrameData {
-        clip_from_ws,
-        relative_from_clip: view.relative_from_clip(size_px, Vec2::ZERO).to_cols_array_2d(),
-        previous_clip_from_ws: clip_from_ws,
-        eye_ws: view.eye_ws().to_array(),
-        orthographic: u32::from(view.is_orthographic()),
-        forward_ws: view.forward_ws().to_array(),
-        footprint_scale: 1.0,
-        size_px,
-        directional_lights: loaded.directional as u32,
-        local_lights: (loaded.lights.len() - loaded.directional) as u32,
-        lighting_model: settings.surface.lighting as u32,
-        seed: settings.seed,
-        radiance_scale: 1.0,
-        normal_maps: u32::from(settings.surface.normal_maps),
-        anisotropy: 1,
-        environment_nits: nits,
-        environment_share: 1.0,
-        environment_turn: [turn.cos(), turn.sin()],
-        show_direct: 1.0,
-        show_indirect: 1.0,
-        ..FrameData::zeroed()
-    }
 }
