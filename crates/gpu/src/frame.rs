@@ -144,8 +144,7 @@ impl Recorder {
         self.key.clear();
         self.key.push(*layout_id);
         for wanted in &interface.own[slot] {
-            let (id, offset) = find(interface, binds, &wanted.name).key();
-            self.key.extend([id, offset]);
+            self.key.extend(find(interface, binds, &wanted.name).key());
         }
         if let Some(group) = self.groups.get(self.key.as_slice()) {
             return Some(group.bind_group.clone());

@@ -356,14 +356,14 @@ impl<'a> Binding<'a> {
     }
 
     /// Identity for the bind group cache; samplers of a pass never change, so they need none.
-    pub(crate) fn key(self) -> (u64, u64) {
+    pub(crate) fn key(self) -> [u64; 3] {
         match self {
-            Self::Texture(texture) => (texture.id(), 0),
+            Self::Texture(texture) => [texture.id(), 0, 0],
             // A whole texture is another view than its first mip.
-            Self::Mip(texture, mip) => (texture.id(), 1 + u64::from(mip)),
-            Self::Buffer(buffer) => (buffer.id(), 0),
-            Self::BufferRange(buffer, offset, _) => (buffer.id(), offset),
-            Self::Sampler(_) => (0, 0),
+            Self::Mip(texture, mip) => [texture.id(), 1 + u64::from(mip), 0],
+            Self::Buffer(buffer) => [buffer.id(), 0, 0],
+            Self::BufferRange(buffer, offset, size) => [buffer.id(), offset, size],
+            Self::Sampler(_) => [0; 3],
         }
     }
 

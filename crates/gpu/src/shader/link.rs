@@ -1,11 +1,14 @@
 //! Linking: an entry file and everything it imports become one WGSL text.
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 
+use wesl::syntax::{Attribute, Expression, GlobalDeclaration, LiteralExpression, TranslationUnit};
 use wesl::{Feature, Mangler, ModulePath, VirtualResolver, Wesl};
 
 use super::Linked;
 use crate::GpuError;
+use crate::pipeline::FIRST_OWN_GROUP;
 
 /// An entry file with its `@if` flags. Every flag that its imports mention must be listed, on or off: an unknown
 /// one is an error, not silently false.
@@ -93,7 +96,9 @@ impl Library {
             wesl.set_feature(name, *on);
         }
         let root = module_path(permutation.entry).map_err(&fail)?;
-        let wgsl = wesl.compile(&root).map_err(|e| fail(e.to_string()))?.to_string();
+        let mut linked = wesl.compile(&root).map_err(|e| fail(e.to_string()))?;
+        number_own_bindings(&mut linked.syntax);
+        let wgsl = linked.to_string();
         Linked::validate(permutation, wgsl, |line| self.place_of(line, permutation.entry))
     }
 
@@ -118,6 +123,31 @@ impl Library {
         }
         let (own, others): (Vec<_>, Vec<_>) = self.files.iter().partition(|(path, _)| *path == entry);
         own.into_iter().chain(others).find_map(find)
+    }
+}
+
+/// Gives the globals of a pass' own groups their numbers: modules say `@group(2) var …` and are told apart by name, so that
+/// any of them goes with any other. Shared groups are declared once and keep theirs.
+fn number_own_bindings(linked: &mut TranslationUnit) {
+    let mut next = HashMap::new();
+    for declaration in &mut linked.global_declarations {
+        let GlobalDeclaration::Declaration(global) = declaration.node_mut() else { continue };
+        let group = global.attributes.iter().find_map(|attribute| match attribute.node() {
+            Attribute::Group(group) => literal(group),
+            _ => None,
+        });
+        let Some(group) = group.filter(|group| *group >= i64::from(FIRST_OWN_GROUP)) else { continue };
+        let number = next.entry(group).or_insert(0);
+        let binding = Expression::Literal(LiteralExpression::AbstractInt(*number));
+        global.attributes.push(Attribute::Binding(binding.into()).into());
+        *number += 1;
+    }
+}
+
+fn literal(expression: &Expression) -> Option<i64> {
+    match expression {
+        Expression::Literal(LiteralExpression::AbstractInt(value)) => Some(*value),
+        _ => None,
     }
 }
 
