@@ -2,8 +2,7 @@
 
 use chiaro_gpu::{Buffer, Frame, Texture, wgpu};
 use chiaro_techniques::shadow::{ShadowOutputs, ShadowSettings, ShadowViews};
-use chiaro_techniques::surface::SurfaceBuffer;
-use chiaro_techniques::surface::culling::CullView;
+use chiaro_techniques::surface::{SurfaceBuffer, SurfaceView};
 
 use crate::renderer::Passes;
 use crate::{LoadedScene, Pipeline, Settings};
@@ -24,7 +23,7 @@ pub struct FrameOutputs {
 /// What a frame function needs to know.
 pub(crate) struct FrameInputs<'a> {
     pub scene: &'a LoadedScene,
-    pub camera: CullView,
+    pub camera: SurfaceView,
     pub shadow_views: &'a ShadowViews,
     /// Stored units; `None` = the environment.
     pub sky: Option<wgpu::Color>,
@@ -52,8 +51,8 @@ fn deferred(
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
     passes.motion.record(frame, scene);
-    let lists = passes.surfaces.cull(frame, scene, &inputs.camera);
-    let depth = passes.surfaces.record_visibility(frame, group, scene, &lists);
+    let lists = passes.surfaces.cull(frame, scene, &inputs.camera.cull);
+    let depth = passes.surfaces.record_visibility(frame, group, scene, &lists, &inputs.camera);
     let views = &passes.frame_group.shadow_views;
     let shadows =
         passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, Some(&depth), settings);
@@ -76,10 +75,11 @@ fn forward(
     let group = passes.frame_group.group();
     let scene = &inputs.scene.gpu;
     passes.motion.record(frame, scene);
-    let lists = passes.surfaces.cull(frame, scene, &inputs.camera);
+    let lists = passes.surfaces.cull(frame, scene, &inputs.camera.cull);
     let blends = passes.transparency.is_some() && scene.see_through();
     let needs_depth = inputs.wants_surface || blends || !inputs.shadow_views.fitted.is_empty();
-    let depth = needs_depth.then(|| passes.surfaces.record_visibility(frame, group, scene, &lists));
+    let depth =
+        needs_depth.then(|| passes.surfaces.record_visibility(frame, group, scene, &lists, &inputs.camera));
     let views = &passes.frame_group.shadow_views;
     let shadows =
         passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, depth.as_ref(), settings);

@@ -57,7 +57,7 @@ impl Kit {
         Ok(Passes {
             frame_group: self.frame_group()?,
             motion: self.motion()?,
-            surfaces: self.surfaces(facts)?,
+            surfaces: self.surfaces(settings, facts)?,
             shadows: self.shadows(settings, facts)?,
             direct: self.direct(settings, facts)?,
             transparency: facts.see_through.then(|| self.transparency(settings, facts)).transpose()?,
@@ -81,8 +81,9 @@ impl Kit {
         Ok(Motion::new(&self.gpu, &self.library)?)
     }
 
-    fn surfaces(&self, facts: SceneFacts) -> Result<Surfaces, Error> {
-        Ok(Surfaces::new(&self.gpu, &self.library, &self.frame_layout, &self.scene_layout, facts)?)
+    fn surfaces(&self, settings: &Settings, facts: SceneFacts) -> Result<Surfaces, Error> {
+        let (frame, scene) = (&self.frame_layout, &self.scene_layout);
+        Ok(Surfaces::new(&self.gpu, &self.library, frame, scene, &settings.surface, facts)?)
     }
 
     fn shadows(&self, settings: &Settings, facts: SceneFacts) -> Result<ShadowMaps, Error> {
@@ -149,7 +150,7 @@ impl Missing {
         let permutations = permutations(settings, facts);
         let transparency = passes.transparency.as_ref().map(Transparency::permutations);
         Self {
-            surfaces: passes.surfaces.facts() != facts,
+            surfaces: !passes.surfaces.serves(&settings.surface, facts),
             shadows: !passes.shadows.serves(&settings.shadow, facts),
             direct: passes.direct.permutations() != permutations,
             transparency: facts.see_through && transparency != Some(permutations),
@@ -215,7 +216,7 @@ impl Plan {
         Ok(Built {
             frame_group: missing.frame_group.then(|| kit.frame_group()).transpose()?,
             motion: missing.motion.then(|| kit.motion()).transpose()?,
-            surfaces: missing.surfaces.then(|| kit.surfaces(facts)).transpose()?,
+            surfaces: missing.surfaces.then(|| kit.surfaces(&resolved, facts)).transpose()?,
             shadows: missing.shadows.then(|| kit.shadows(&resolved, facts)).transpose()?,
             direct: missing.direct.then(|| kit.direct(&resolved, facts)).transpose()?,
             transparency: missing.transparency.then(|| kit.transparency(&resolved, facts)).transpose()?,

@@ -8,11 +8,11 @@ use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
 use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
 use chiaro_techniques::motion::Motion;
 use chiaro_techniques::shaders;
-use chiaro_techniques::shadow::raster::ComputeRaster;
 use chiaro_techniques::shadow::{CameraView, FitInputs, ShadowMaps, ShadowViews, fit};
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
 use chiaro_techniques::surface::culling::CullView;
-use chiaro_techniques::surface::{SceneFacts, Surfaces};
+use chiaro_techniques::surface::raster::ComputeRaster;
+use chiaro_techniques::surface::{SceneFacts, SurfaceView, Surfaces};
 use chiaro_techniques::transparency::Transparency;
 use glam::{Mat4, Vec2, Vec3};
 
@@ -57,7 +57,7 @@ pub struct Renderer {
 #[derive(Debug)]
 struct Prepared {
     data: FrameData,
-    camera: CullView,
+    camera: SurfaceView,
     shadow_views: ShadowViews,
     lights: Vec<chiaro_techniques::shared::frame::LightData>,
     sky: Option<wgpu::Color>,
@@ -302,7 +302,12 @@ impl Renderer {
         if let Some(transparency) = &mut self.passes.transparency {
             transparency.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px, settings.surface.layers);
         }
-        let camera = CullView::new(&clip_from_ws, eye, true, false);
+        let camera = SurfaceView {
+            cull: CullView::new(&clip_from_ws, eye, true, false),
+            clip_from_ws,
+            footprint_scale,
+            anisotropy,
+        };
         self.prepared = Some(Prepared { data, camera, shadow_views, lights, sky });
     }
 
@@ -358,7 +363,7 @@ fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {
         ));
     }
     let side = settings.shadow.resolution;
-    if settings.shadow.computes_maps() && ComputeRaster::views_at_once(gpu, side) == 0 {
+    if settings.shadow.computes_maps() && ComputeRaster::views_at_once(gpu, [side; 2]) == 0 {
         return Err(Error::Combination(format!(
             "shadow.resolution = {side} is more than shadow.raster = compute can do on {}",
             gpu.info.name

@@ -6,8 +6,8 @@ use chiaro_techniques::environment::EnvironmentSettings;
 use chiaro_techniques::indirect::IndirectSettings;
 use chiaro_techniques::post::CameraSettings;
 use chiaro_techniques::settings::{Field, SettingsGroup};
-use chiaro_techniques::shadow::{Raster, ShadowSettings};
-use chiaro_techniques::surface::SurfaceSettings;
+use chiaro_techniques::shadow::ShadowSettings;
+use chiaro_techniques::surface::{Raster, SurfaceSettings};
 
 use crate::Error;
 
@@ -121,8 +121,10 @@ impl Settings {
     #[must_use]
     pub fn resolved(&self, gpu: &Gpu) -> Self {
         let mut settings = self.clone();
-        if settings.shadow.raster == Raster::Auto {
-            settings.shadow.raster = if gpu.rasters_slowly() { Raster::Compute } else { Raster::Hardware };
+        for raster in [&mut settings.surface.raster, &mut settings.shadow.raster] {
+            if *raster == Raster::Auto {
+                *raster = if gpu.rasters_slowly() { Raster::Compute } else { Raster::Hardware };
+            }
         }
         settings
     }

@@ -15,11 +15,11 @@ use crate::shaders;
 use crate::shadow::DrawView;
 use crate::shadow::cascades::SunFit;
 use crate::shadow::moments::Blur;
-use crate::shadow::raster::{RasterData, RasterViewData};
 use crate::shared::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::surface::clusters::ClusterData;
 use crate::surface::culling::{CullClasses, CullView};
 use crate::surface::material::MaterialData;
+use crate::surface::raster::{RasterData, RasterViewData};
 use crate::surface::scene::{InstanceData, ItemData};
 
 macro_rules! same {
@@ -270,20 +270,23 @@ fn rust_structs_equal_their_wesl_twins() {
         weights
     );
     same!(&linked("surface/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride);
-    let raster = &linked("shadow/raster/resolve.cs.wesl");
+    let raster = &linked("surface/raster/resolve.cs.wesl");
     same!(raster, RasterViewData, "RasterView", clip_from_ws, depth_limit, layer, reserved0, reserved1);
     same!(
         raster,
         RasterData,
         "Raster",
-        resolution,
+        size,
         columns,
         texels,
         anisotropy,
         list_stride,
         capacity,
+        footprint_scale,
+        phase,
         reserved0,
         reserved1,
+        reserved2,
         views,
     );
 }

@@ -66,14 +66,14 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shadow/moments/warp.wesl"),
     shader!("shadow/paraboloid.vs.wesl"),
     shader!("shadow/projection.wesl"),
-    shader!("shadow/raster/cutout.wesl"),
-    shader!("shadow/raster/draw.wesl"),
-    shader!("shadow/raster/outline.wesl"),
-    shader!("shadow/raster/raster.wesl"),
-    shader!("shadow/raster/resolve.cs.wesl"),
-    shader!("shadow/raster/tile.wesl"),
-    shader!("shadow/raster/tiles.cs.wesl"),
-    shader!("shadow/raster/triangles.cs.wesl"),
+    shader!("surface/raster/cutout.wesl"),
+    shader!("surface/raster/draw.wesl"),
+    shader!("surface/raster/outline.wesl"),
+    shader!("surface/raster/raster.wesl"),
+    shader!("surface/raster/resolve.cs.wesl"),
+    shader!("surface/raster/tile.wesl"),
+    shader!("surface/raster/tiles.cs.wesl"),
+    shader!("surface/raster/triangles.cs.wesl"),
     shader!("shadow/tint.vs.wesl"),
     shader!("shared/albedo_table.cs.wesl"),
     shader!("shared/brdf.wesl"),
@@ -124,7 +124,6 @@ pub fn permutations() -> Vec<Permutation> {
         "reference/path/noise.cs.wesl",
         "shadow/depth_bounds.cs.wesl",
         "shadow/fit.cs.wesl",
-        "shadow/raster/resolve.cs.wesl",
         "shadow/tint.vs.wesl",
         "shared/albedo_table.cs.wesl",
         "surface/cull_count.cs.wesl",
@@ -134,7 +133,7 @@ pub fn permutations() -> Vec<Permutation> {
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
     all.extend([debug_view(Viewed::Grid, false), background(), photon_trace(), first_hit()]);
     for a in [false, true] {
-        all.extend([Viewed::Float, Viewed::Integer, Viewed::Depth].map(|what| debug_view(what, a)));
+        all.extend([Viewed::Float, Viewed::Integer].map(|what| debug_view(what, a)));
         all.push(resolve(a, false));
         all.push(resolve(a, true));
         all.push(behind(a));
@@ -142,9 +141,9 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(path_trace(a));
         all.push(shadow_depth(a));
         all.extend([shadow_paraboloid(a, false), shadow_paraboloid(a, true)]);
-        all.push(raster_triangles(a));
-        all.push(raster_tiles(a));
+        all.push(raster_resolve(a));
         for b in [false, true] {
+            all.extend([raster_triangles(a, b), raster_tiles(a, b)]);
             all.extend([Layer::None, Layer::First, Layer::Next].map(|layer| visibility(a, b, layer)));
             all.extend([forward(a, b, false), forward(a, b, true), shade_layer(a, b), shade(a, b)]);
         }
@@ -161,19 +160,17 @@ pub fn permutations() -> Vec<Permutation> {
 /// What kind of buffer is shown as a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Viewed {
-    /// A texture of numbers.
+    /// A texture of numbers, depth among them; depth as an array: shadow maps.
     Float,
     /// A texture of whole numbers.
     Integer,
-    /// A depth texture; as an array, shadow maps.
-    Depth,
     /// The light grid, which is no texture.
     Grid,
 }
 
 /// A buffer as a picture; `array`: whether the texture is one.
 pub fn debug_view(what: Viewed, array: bool) -> Permutation {
-    let kinds = [("integer", Viewed::Integer), ("depth", Viewed::Depth), ("grid", Viewed::Grid)];
+    let kinds = [("integer", Viewed::Integer), ("grid", Viewed::Grid)];
     let entry = Permutation::plain("post/debug_view.cs.wesl").flag("array", array).flag(FLOAT_MAPS, false);
     kinds.into_iter().fold(entry, |entry, (flag, kind)| entry.flag(flag, what == kind))
 }
@@ -262,14 +259,23 @@ pub fn shadow_paraboloid(masked: bool, cull_front: bool) -> Permutation {
     Permutation::plain("shadow/paraboloid.vs.wesl").flag("masked", masked).flag("cull_front", cull_front)
 }
 
-/// Small triangles of shadow views, drawn in compute; larger ones in tiles.
-pub fn raster_triangles(masked: bool) -> Permutation {
-    Permutation::plain("shadow/raster/triangles.cs.wesl").flag("masked", masked)
+/// Small triangles of views, drawn in compute; larger ones in tiles. With `numbers`, what each texel shows, too.
+pub fn raster_triangles(masked: bool, numbers: bool) -> Permutation {
+    raster("surface/raster/triangles.cs.wesl", numbers).flag("masked", masked)
 }
 
-/// Tiles of large triangles of shadow views.
-pub fn raster_tiles(masked: bool) -> Permutation {
-    Permutation::plain("shadow/raster/tiles.cs.wesl").flag("masked", masked)
+/// Tiles of large triangles of views.
+pub fn raster_tiles(masked: bool, numbers: bool) -> Permutation {
+    raster("surface/raster/tiles.cs.wesl", numbers).flag("masked", masked)
+}
+
+/// What was drawn in compute as textures.
+pub fn raster_resolve(numbers: bool) -> Permutation {
+    raster("surface/raster/resolve.cs.wesl", numbers)
+}
+
+fn raster(entry: &'static str, numbers: bool) -> Permutation {
+    Permutation::plain(entry).flag("numbers", numbers)
 }
 
 /// What a visibility buffer shows.

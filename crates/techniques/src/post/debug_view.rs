@@ -29,8 +29,8 @@ pub enum Mapping {
 /// Shows a texture's layer, or how many lights each froxel has.
 #[derive(Debug)]
 pub struct DebugView {
-    // Float, integer, depth; each plain and as an array.
-    textures: [[ComputePipeline; 2]; 3],
+    // Numbers (depth, too), whole numbers; each plain and as an array.
+    textures: [[ComputePipeline; 2]; 2],
     grid: ComputePipeline,
     input: Buffer,
 }
@@ -46,7 +46,7 @@ impl DebugView {
         };
         let pair = |what| -> Result<_, GpuError> { Ok([make(what, false)?, make(what, true)?]) };
         Ok(Self {
-            textures: [pair(Viewed::Float)?, pair(Viewed::Integer)?, pair(Viewed::Depth)?],
+            textures: [pair(Viewed::Float)?, pair(Viewed::Integer)?],
             grid: make(Viewed::Grid, false)?,
             input: uniform::<[u32; 4]>(gpu, "debug_input"),
         })
@@ -68,7 +68,6 @@ impl DebugView {
         frame.upload(&self.input, &[[layer, mapping as u32, scale.to_bits(), 0]]);
         let kind = match options.format.sample_type(None, None) {
             Some(TextureSampleType::Uint | TextureSampleType::Sint) => 1,
-            Some(TextureSampleType::Depth) => 2,
             _ => 0,
         };
         let pipeline = &self.textures[kind][usize::from(options.layers.is_some())];

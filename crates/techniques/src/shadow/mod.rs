@@ -20,7 +20,6 @@
 pub mod cascades;
 pub mod moments;
 mod project;
-pub mod raster;
 mod record;
 mod settings;
 mod single;
@@ -31,7 +30,7 @@ mod views;
 
 pub use record::{DrawView, ShadowMaps, ShadowOutputs};
 pub use settings::{
-    CascadeSelect, Filter, Fit, Layout, PcfKernel, PointLayout, Raster, Representation, ShadowSettings, Sigma,
+    CascadeSelect, Filter, Fit, Layout, PcfKernel, PointLayout, Representation, ShadowSettings, Sigma,
 };
 pub use tint::TintMaps;
 pub use views::{CameraView, FitInputs, ShadowView, ShadowViews, fit};

@@ -11,13 +11,13 @@ use glam::Vec4Swizzles;
 
 use super::cascades::Fitter;
 use super::moments::{MomentOutputs, Moments};
-use super::raster::{ComputeRaster, MatrixOver, RasterView};
 use super::tint::{Tint, TintMaps};
 use super::views::{ShadowView, ShadowViews};
 use super::{Fit, PointLayout, ShadowSettings};
 use crate::shaders;
 use crate::shared::frame::ShadowViewData;
 use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, draw_classes};
+use crate::surface::raster::{ComputeRaster, Draws, MatrixOver, RasterView};
 use crate::surface::scene::{KINDS, OPAQUE};
 use crate::surface::{SceneFacts, SceneGpu};
 
@@ -179,7 +179,10 @@ impl ShadowMaps {
                 .then(|| Fitter::new(gpu, library, frame_layout))
                 .transpose()?,
             raster: computed
-                .then(|| ComputeRaster::new(gpu, library, scene_layout, facts, settings.bias_cull_front))
+                .then(|| {
+                    let draws = Draws::Depth { cull_front: settings.bias_cull_front };
+                    ComputeRaster::new(gpu, library, scene_layout, facts, draws)
+                })
                 .transpose()?,
             anisotropy: 1,
             outputs,
@@ -241,7 +244,7 @@ impl ShadowMaps {
         }
         let at_once = self.views_at_once(gpu, scene, resolution).min(views.len());
         if let Some(raster) = self.raster.as_mut().filter(|_| !views.is_empty()) {
-            raster.reserve(gpu, resolution, at_once);
+            raster.reserve(gpu, [resolution; 2], at_once);
         }
         if let Some(fitter) = &mut self.fitter {
             fitter.reserve(gpu, views.len());
@@ -251,7 +254,7 @@ impl ShadowMaps {
     fn views_at_once(&self, gpu: &Gpu, scene: &SceneGpu, resolution: u32) -> usize {
         let culled = Culling::views_at_once(gpu, scene);
         match &self.raster {
-            Some(_) => culled.min(ComputeRaster::views_at_once(gpu, resolution)).max(1),
+            Some(_) => culled.min(ComputeRaster::views_at_once(gpu, [resolution; 2])).max(1),
             None => culled,
         }
     }

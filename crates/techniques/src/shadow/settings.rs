@@ -1,5 +1,6 @@
 //! Settings of shadow maps, and which of them go together.
 
+use crate::surface::Raster;
 use crate::{choice, settings};
 
 choice! {
@@ -117,18 +118,6 @@ impl PcfKernel {
 }
 
 choice! {
-    /// What rasters the maps.
-    pub enum Raster {
-        /// Compute on the data-centre GPUs that have little raster hardware, the hardware on all others.
-        Auto = "auto",
-        /// The hardware.
-        Hardware = "hardware",
-        /// Compute; paraboloids and tinted light take the hardware all the same.
-        Compute = "compute",
-    }
-}
-
-choice! {
     /// What cascades are fitted to.
     pub enum Fit {
         /// Slices of the camera's view as far as the scene reaches: edges rest while the camera moves.
@@ -238,7 +227,8 @@ settings! {
         bias_slope as "bias.slope": f32 = 0.0, "of what is needed", 0.0..=8.0, Uniform;
         /// Receiver offset towards the light, in texels of the map at the receiver.
         bias_constant as "bias.constant": f32 = 0.25, "texels", 0.0..=64.0, Uniform;
-        /// What rasters the maps: the hardware, or compute on GPUs that have little raster hardware.
+        /// What rasters the maps: the hardware, or compute on GPUs that have little raster hardware. Paraboloids and tinted
+        /// light take the hardware all the same.
         raster: Raster = Raster::Auto, "", (), Permutation;
         /// Whether only back faces cast: no acne on closed objects, but light leaks at their feet.
         bias_cull_front as "bias.cull_front": bool = false, "", (), Permutation;

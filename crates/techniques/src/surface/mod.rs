@@ -7,7 +7,7 @@
 //!
 //! | output | format | space, unit |
 //! | --- | --- | --- |
-//! | depth | Depth32Float | reversed: near = 1, infinity = 0 |
+//! | depth | Depth32Float (R32Float where compute draws) | reversed: near = 1, infinity = 0 |
 //! | visibility | R32Uint | triangle of the camera's draw list + 1; 0 = nothing |
 //! | surface | Rgba32Uint | packed, see `surface.wesl` |
 //! | emissive | Rgba16Float | nits · radiance scale; only for scenes with glowing materials |
@@ -18,12 +18,13 @@
 pub mod clusters;
 pub mod culling;
 pub mod material;
+pub mod raster;
 pub mod scene;
 mod settings;
 pub mod texture;
 
 pub use scene::{SceneFacts, SceneGpu};
-pub use settings::{Lighting, Msaa, SurfaceSettings};
+pub use settings::{Lighting, Msaa, Raster, SurfaceSettings};
 
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
@@ -32,13 +33,15 @@ use chiaro_gpu::{
     RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
 };
 use culling::{CullView, Culling, DrawLists, draw_classes};
+use glam::Mat4;
+use raster::{ComputeRaster, Draws};
 
 use crate::shaders::{self, Layer};
 
 /// What [`Surfaces::record_resolve`] leaves.
 #[derive(Clone, Debug)]
 pub struct SurfaceBuffer {
-    /// Depth32Float, reversed.
+    /// Depth32Float, or R32Float where compute draws; reversed. Shaders read either as `texture_2d<f32>`.
     pub depth: Texture,
     /// R32Uint, triangle + 1.
     pub visibility: Texture,
@@ -48,11 +51,26 @@ pub struct SurfaceBuffer {
     pub emissive: Option<Texture>,
 }
 
+/// A view that surfaces are drawn for.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceView {
+    /// What it may see.
+    pub cull: CullView,
+    /// Reversed depth.
+    pub clip_from_ws: Mat4,
+    /// How much smaller than a pixel a texture's footprint is.
+    pub footprint_scale: f32,
+    /// Taps along a slanted footprint at most.
+    pub anisotropy: u32,
+}
+
 /// The passes from geometry to the surface buffer.
 #[derive(Debug)]
 pub struct Surfaces {
     culling: Culling,
     visibility: [RenderPipeline; scene::KINDS],
+    // Draws in their place, where the picture fits it.
+    raster: Option<ComputeRaster>,
     resolve: [ComputePipeline; 2],
     indexed: bool,
     facts: SceneFacts,
@@ -69,6 +87,7 @@ impl Surfaces {
         library: &Library,
         frame_layout: &GroupLayout,
         scene_layout: &GroupLayout,
+        settings: &SurfaceSettings,
         facts: SceneFacts,
     ) -> Result<Self, GpuError> {
         let shared = &[frame_layout, scene_layout];
@@ -101,6 +120,9 @@ impl Surfaces {
         Ok(Self {
             culling: Culling::new(gpu, library, scene_layout)?,
             visibility: [visibility(0)?, visibility(1)?, visibility(2)?, visibility(3)?],
+            raster: (settings.raster == Raster::Compute)
+                .then(|| ComputeRaster::new(gpu, library, scene_layout, facts, Draws::Numbers))
+                .transpose()?,
             resolve: [resolve(false)?, resolve(true)?],
             indexed,
             facts,
@@ -113,13 +135,29 @@ impl Surfaces {
         self.facts
     }
 
+    /// Whether these passes serve `settings` without being made again.
+    pub fn serves(&self, settings: &SurfaceSettings, facts: SceneFacts) -> bool {
+        self.facts == facts && self.raster.is_some() == (settings.raster == Raster::Compute)
+    }
+
     /// Makes room for a scene at a picture size. Not inside a frame.
     pub fn reserve(&mut self, gpu: &Gpu, pool: &TexturePool, scene: &SceneGpu, [width, height]: [u32; 2]) {
         self.culling.reserve(gpu, scene, 1);
+        let computes = self.raster.is_some() && ComputeRaster::fits_visibility(gpu, [width, height]);
+        let (format, usage) = if computes {
+            (TextureFormat::R32Float, TextureUsages::STORAGE_BINDING)
+        } else {
+            (TextureFormat::Depth32Float, TextureUsages::RENDER_ATTACHMENT)
+        };
         let same = |b: &SurfaceBuffer| {
             let o = b.depth.options();
-            o.width == width && o.height == height && b.emissive.is_some() == scene.glows
+            [o.width, o.height] == [width, height]
+                && o.format == format
+                && b.emissive.is_some() == scene.glows
         };
+        if let Some(raster) = self.raster.as_mut().filter(|_| computes) {
+            raster.reserve(gpu, [width, height], 1);
+        }
         if self.buffer.as_ref().is_some_and(same) {
             return;
         }
@@ -128,8 +166,8 @@ impl Surfaces {
             pool.lend(gpu, name, Life::Frame, TextureOptions::new(width, height, format, sampled | usage))
         };
         self.buffer = Some(SurfaceBuffer {
-            depth: lend("depth", TextureFormat::Depth32Float, TextureUsages::RENDER_ATTACHMENT),
-            visibility: lend("visibility", TextureFormat::R32Uint, TextureUsages::RENDER_ATTACHMENT),
+            depth: lend("depth", format, usage),
+            visibility: lend("visibility", TextureFormat::R32Uint, usage),
             surface: lend("surface", TextureFormat::Rgba32Uint, TextureUsages::STORAGE_BINDING),
             emissive: scene
                 .glows
@@ -153,8 +191,15 @@ impl Surfaces {
         frame_group: &Group,
         scene: &SceneGpu,
         lists: &DrawLists,
+        view: &SurfaceView,
     ) -> Texture {
         let buffer = self.buffer();
+        let computes = buffer.depth.options().format == TextureFormat::R32Float;
+        if let Some(raster) = self.raster.as_ref().filter(|_| computes) {
+            let view = (view.clip_from_ws, view.footprint_scale, view.anisotropy);
+            raster.record_visibility(frame, scene, lists, view, (&buffer.depth, &buffer.visibility));
+            return buffer.depth.clone();
+        }
         let shared = &[frame_group, scene.group()];
         let targets = Targets {
             color: &[Attachment {

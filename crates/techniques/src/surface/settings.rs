@@ -28,6 +28,18 @@ choice! {
     }
 }
 
+choice! {
+    /// What rasters triangles.
+    pub enum Raster {
+        /// Compute on the data-centre GPUs that have little raster hardware, the hardware on all others.
+        Auto = "auto",
+        /// The hardware.
+        Hardware = "hardware",
+        /// Compute.
+        Compute = "compute",
+    }
+}
+
 impl Msaa {
     /// How many.
     pub fn samples(self) -> u32 {
@@ -56,5 +68,9 @@ settings! {
         /// Texels averaged along the longer side of a slanted footprint. More keeps slanted textures sharp and
         /// costs texture bandwidth.
         anisotropy: u32 = 16, "samples", 1..=16, Uniform;
+        /// What rasters the camera's view of opaque surfaces, where there is a visibility buffer: the hardware, or compute on
+        /// GPUs that have little raster hardware. Layers of see-through surfaces and the forward pipeline's shading take
+        /// the hardware all the same.
+        raster: Raster = Raster::Auto, "", (), Permutation;
     }
 }

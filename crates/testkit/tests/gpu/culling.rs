@@ -8,9 +8,11 @@ use chiaro_techniques::shaders;
 use chiaro_techniques::shared::frame::FrameData;
 use chiaro_techniques::surface::culling::{CullView, Culling, Hole};
 use chiaro_techniques::surface::scene::CLASSES;
-use chiaro_techniques::surface::{SceneGpu, Surfaces};
-use chiaro_testkit::{Bench, Output, Stage, Studio, camera_above, device, direct};
+use chiaro_techniques::surface::{Raster, SceneGpu, SurfaceSettings, SurfaceView, Surfaces};
+use chiaro_testkit::{Bench, Output, Stage, Studio, camera_above, device, device_guaranteed, direct};
 use glam::{Affine3A, Mat4, Vec2, Vec3, Vec4};
+
+use crate::shadow_raster::sieves;
 
 /// Numbers that are the same every time (Steele & Vigna's SplitMix64).
 pub struct Random(u64);
@@ -152,7 +154,16 @@ struct Surveyor<'a> {
     surfaces: Surfaces,
 }
 
-impl Surveyor<'_> {
+impl<'a> Surveyor<'a> {
+    fn new(gpu: &'a Gpu, scene: &Scene, raster: Raster) -> (Self, SceneGpu) {
+        let bench = Bench::new(gpu);
+        let uploaded = SceneGpu::upload(gpu, &bench.scene_layout, scene).unwrap();
+        let (library, settings) = (shaders::library(), SurfaceSettings { raster, ..Default::default() });
+        let (frame, scene) = (&bench.frame_layout, &bench.scene_layout);
+        let surfaces = Surfaces::new(gpu, &library, frame, scene, &settings, uploaded.facts).unwrap();
+        (Self { gpu, bench, surfaces }, uploaded)
+    }
+
     fn surface(&mut self, scene: &SceneGpu, view: &View, cull: &CullView) -> Vec<[u32; 4]> {
         let data = FrameData {
             clip_from_ws: view.clip_from_ws(SIZE, Vec2::ZERO).to_cols_array_2d(),
@@ -169,7 +180,13 @@ impl Surveyor<'_> {
         let mut recorder = Recorder::new(self.gpu, false);
         let mut frame = recorder.begin();
         let lists = self.surfaces.cull(&mut frame, scene, cull);
-        self.surfaces.record_visibility(&mut frame, self.bench.frame.group(), scene, &lists);
+        let view = SurfaceView {
+            cull: *cull,
+            clip_from_ws: view.clip_from_ws(SIZE, Vec2::ZERO),
+            footprint_scale: 1.0,
+            anisotropy: 1,
+        };
+        self.surfaces.record_visibility(&mut frame, self.bench.frame.group(), scene, &lists, &view);
         let buffer = self.surfaces.record_resolve(&mut frame, self.bench.frame.group(), scene, &lists);
         let shader = ("tests/texels.cs.wesl", include_str!("wesl/texels.cs.wesl"));
         let work = (Dispatch::Threads([SIZE[0], SIZE[1], 1]), (SIZE[0] * SIZE[1]) as usize);
@@ -184,12 +201,7 @@ impl Surveyor<'_> {
 fn culling_loses_no_visible_triangle() {
     let gpu = device();
     let scene = scene::load("builtin:nave").unwrap();
-    let bench = Bench::new(&gpu);
-    let uploaded = SceneGpu::upload(&gpu, &bench.scene_layout, &scene).unwrap();
-    let surfaces =
-        Surfaces::new(&gpu, &shaders::library(), &bench.frame_layout, &bench.scene_layout, uploaded.facts)
-            .unwrap();
-    let mut surveyor = Surveyor { gpu: &gpu, bench, surfaces };
+    let (mut surveyor, uploaded) = Surveyor::new(&gpu, &scene, Raster::Hardware);
     for (index, view) in random_views(&scene, 5).iter().enumerate() {
         let all = surveyor.surface(&uploaded, view, &everything());
         let culled = surveyor.surface(&uploaded, view, &cull_view(view, true));
@@ -198,6 +210,51 @@ fn culling_loses_no_visible_triangle() {
         let seen = all.iter().filter(|texel| texel[1] >> 30 != 3).count();
         assert!(seen > 100, "view {index} shows only {seen} pixels of the scene");
     }
+}
+
+#[test]
+fn compute_rasters_the_cameras_view_as_the_hardware_does() {
+    let gpu = device_guaranteed();
+    let scenes = [scene::load("builtin:nave").unwrap(), sieves().scene];
+    for (number, scene) in scenes.iter().enumerate() {
+        let (mut hardware, uploaded) = Surveyor::new(&gpu, scene, Raster::Hardware);
+        let (mut compute, again) = Surveyor::new(&gpu, scene, Raster::Compute);
+        let mut views = random_views(scene, 3);
+        views.push(View::look_at(Vec3::new(1.0, 3.0, 0.5), Vec3::ZERO, 1.0, 0.05));
+        for (index, view) in views.iter().enumerate() {
+            let cull = cull_view(view, true);
+            let expected = hardware.surface(&uploaded, view, &cull);
+            let found = compute.surface(&again, view, &cull);
+            let differing = expected.iter().zip(&found).filter(|(a, b)| a != b).count();
+            // An edge through a pixel's middle rounds to either side, and filters of holes differ a little.
+            assert!(differing * 100 < found.len(), "scene {number}, view {index}: {differing} pixels differ");
+            assert_eq!(compute.surface(&again, view, &cull), found, "scene {number}, view {index}, twice");
+        }
+    }
+}
+
+#[test]
+fn of_surfaces_at_one_depth_the_first_is_seen_in_compute_too() {
+    let gpu = device();
+    let mut stage = Stage::new();
+    for shade in 0..7 {
+        let material = stage.material(chiaro::scene::Material {
+            base_color: Vec3::splat(0.1 + 0.1 * shade as f32).extend(1.0),
+            double_sided: shade % 2 == 0,
+            ..Default::default()
+        });
+        // One facing down, which nobody sees.
+        let across = if shade == 3 { Vec3::Z } else { Vec3::NEG_Z };
+        stage.quad(Vec3::ZERO, Vec3::X * 0.8, across * 0.8, material);
+    }
+    let view = View::look_at(Vec3::new(0.3, 2.0, 0.2), Vec3::ZERO, 0.8, 0.05);
+    let cull = cull_view(&view, true);
+    let [expected, found] = [Raster::Hardware, Raster::Compute].map(|raster| {
+        let (mut surveyor, uploaded) = Surveyor::new(&gpu, &stage.scene, raster);
+        surveyor.surface(&uploaded, &view, &cull)
+    });
+    assert!(found.iter().filter(|texel| texel[1] >> 30 != 3).count() * 2 > found.len());
+    assert_eq!(expected, found);
 }
 
 #[test]

@@ -10,10 +10,10 @@ use chiaro_gpu::{
 };
 use chiaro_techniques::shaders;
 use chiaro_techniques::shadow::DrawView;
-use chiaro_techniques::shadow::raster::{ComputeRaster, RasterView};
 use chiaro_techniques::shared::frame::FrameData;
 use chiaro_techniques::surface::SceneGpu;
 use chiaro_techniques::surface::culling::{CullView, Culling, DEPTH_COMPARE, DrawLists, draw_classes};
+use chiaro_techniques::surface::raster::{ComputeRaster, Draws, RasterView};
 use chiaro_testkit::{Bench, Stage, Studio, camera_above, device, device_guaranteed, direct, nmae};
 use glam::{Affine3A, Mat4, Quat, Vec2, Vec3, Vec4};
 
@@ -40,7 +40,10 @@ impl<'a> Both<'a> {
         Self {
             gpu,
             culling: Culling::new(gpu, &library, &bench.scene_layout).unwrap(),
-            raster: ComputeRaster::new(gpu, &library, &bench.scene_layout, scene.facts, cull_front).unwrap(),
+            raster: {
+                let draws = Draws::Depth { cull_front };
+                ComputeRaster::new(gpu, &library, &bench.scene_layout, scene.facts, draws).unwrap()
+            },
             bench,
             scene,
             cull_front,
@@ -92,7 +95,7 @@ impl<'a> Both<'a> {
     /// The map of the last view, which goes to layer 0.
     fn compute(&mut self, views: &[RasterView], resolution: u32) -> Vec<f32> {
         self.culling.reserve(self.gpu, &self.scene, views.len());
-        self.raster.reserve(self.gpu, resolution, views.len());
+        self.raster.reserve(self.gpu, [resolution; 2], views.len());
         let usage = TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
         let options = TextureOptions::new(resolution, resolution, TextureFormat::R32Float, usage);
         let maps = Texture::new(self.gpu, "maps", Life::Kept, options.array(views.len().max(2) as u32));
@@ -268,8 +271,8 @@ fn triangles_far_larger_than_the_map_are_those_of_the_hardware() {
     }
 }
 
-#[test]
-fn holes_of_masked_casters_are_those_of_the_hardware() {
+/// A quad and thirty small ones with holes, over a whole one.
+pub fn sieves() -> Stage {
     let mut stage = Stage::new();
     let mut random = Random::new(8);
     let side = 64;
@@ -288,6 +291,12 @@ fn holes_of_masked_casters_are_those_of_the_hardware() {
         let at = Vec3::new(0.1 * i as f32 - 1.5, 1.0, 0.3);
         stage.quad(at, Vec3::new(0.04, 0.0, 0.01), Vec3::new(0.0, 0.01, -0.03), material);
     }
+    stage
+}
+
+#[test]
+fn holes_of_masked_casters_are_those_of_the_hardware() {
+    let stage = sieves();
     let gpu = device();
     let mut both = Both::new(&gpu, &stage.scene, false);
     // Quads of fragments tell differences for gradients, the compute path the gradient itself: filtering differs a little

@@ -1,0 +1,362 @@
+//! Depth and visibility rastered in compute: for GPUs whose fixed raster hardware is small beside their compute units.
+//!
+//! Triangles of a few texels are drawn by the lane that transformed them; larger ones are cut into tiles of up to 64×64
+//! texels, drawn by a team of 32 lanes each (after Laine & Karras 2011, "High-
+//! Performance Software Rasterization on GPUs", and the split by size of Karis et al. 2021, "Nanite"). Depth bits order
+//! like positive floats, so an atomic maximum keeps the nearest and the map is the same every time. Edges are whole
+//! numbers of 1/256 texel, as in hardware: no holes between neighbours, and the same texels as the hardware's.
+//!
+//! | step | reads | writes |
+//! | --- | --- | --- |
+//! | triangles, opaque and masked | draw lists, scene | depth bits, list of tiles |
+//! | tiles, opaque and masked | list of tiles | depth bits |
+//! | the same again, with numbers | depth bits, list of tiles | the smallest triangle number at each texel's depth |
+//! | resolve | depth bits, numbers | R32Float maps, reversed depth; R32Uint triangle + 1; zeroed bits |
+//!
+//! Shadow maps are depth alone ([`ComputeRaster::record`], many views at once), a camera's view has numbers too
+//! ([`ComputeRaster::record_visibility`], one view): what hardware leaves that draws a list in order and keeps the first of
+//! equal depths.
+//!
+//! Limits: maps of at most [`ComputeRaster::MAX_RESOLUTION`], and 4 bytes a texel of all views of a batch in one storage
+//! binding. Before the near plane casters are kept and their depth clamped to 1, or dropped, as each view says.
+//! Cost: a read and, where visible, an atomic for every texel of every triangle, and 16 bytes a texel of the map.
+
+use std::mem::offset_of;
+
+use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::shader::Library;
+use chiaro_gpu::wgpu::BufferUsages;
+use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, GroupLayout, Life, Texture};
+use glam::Mat4;
+
+use crate::shaders;
+use crate::surface::culling::{DrawLists, MAX_VIEWS};
+use crate::surface::{SceneFacts, SceneGpu};
+
+/// A view to draw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RasterView {
+    /// Reversed depth: near = 1, far = 0.
+    pub clip_from_ws: Mat4,
+    /// Whether what is before the near plane is dropped; otherwise its depth is 1.
+    pub clip_near: bool,
+    /// Layer of the target that receives it.
+    pub layer: u32,
+}
+
+/// A matrix that the GPU made, in the place of [`RasterView::clip_from_ws`].
+#[derive(Clone, Copy, Debug)]
+pub struct MatrixOver<'a> {
+    /// With the usage `COPY_SRC`.
+    pub buffer: &'a Buffer,
+    /// Of the matrix, bytes.
+    pub offset: u64,
+    /// The view that takes it.
+    pub to: usize,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct RasterViewData {
+    pub(crate) clip_from_ws: [[f32; 4]; 4],
+    pub(crate) depth_limit: f32,
+    pub(crate) layer: u32,
+    pub(crate) reserved0: u32,
+    pub(crate) reserved1: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct RasterData {
+    pub(crate) size: [u32; 2],
+    pub(crate) columns: u32,
+    pub(crate) texels: u32,
+    pub(crate) anisotropy: u32,
+    pub(crate) list_stride: u32,
+    pub(crate) capacity: u32,
+    pub(crate) footprint_scale: f32,
+    pub(crate) phase: u32,
+    pub(crate) reserved0: u32,
+    pub(crate) reserved1: u32,
+    pub(crate) reserved2: u32,
+    pub(crate) views: [RasterViewData; MAX_VIEWS],
+}
+
+/// Words before the views' texels; see `raster.wesl`.
+const HEADER: u64 = 32;
+/// Texels across and down of a block.
+const BLOCK: [u32; 2] = [8, 4];
+/// Bytes of a tile in the work list.
+const TILE_BYTES: u64 = 80;
+/// The work list has room for a tile every so many texels of the maps, and for so many at most: what finds no room is
+/// drawn much more slowly. Sponza in four cascades needs about two fifths of it.
+const TEXELS_PER_TILE: u64 = 16;
+const MAX_TILES: u64 = 3 << 19;
+/// Lanes of a workgroup of the triangle pass, and its workgroups a view at most.
+const TRIANGLE_LANES: u32 = 128;
+const MAX_TRIANGLE_GROUPS: u32 = 32_768;
+/// Workgroups that share the list of tiles: enough to fill the largest GPUs.
+const TILE_GROUPS: u32 = 2048;
+/// Blocks that a workgroup of the last pass takes.
+const RESOLVE_BLOCKS: u32 = 32;
+
+/// What is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Draws {
+    /// The depth of all surfaces, as shadow maps hold it.
+    Depth {
+        /// Only back faces.
+        cull_front: bool,
+    },
+    /// Depth and triangle number of opaque surfaces, single-sided ones from their front.
+    Numbers,
+}
+
+/// The passes of the compute rasteriser.
+#[derive(Debug)]
+pub struct ComputeRaster {
+    draws: Draws,
+    // Opaque, masked.
+    triangles: [ComputePipeline; 2],
+    tiles: [ComputePipeline; 2],
+    resolve: ComputePipeline,
+    // For depth; for numbers.
+    uniforms: [Buffer; 2],
+    buffers: Option<Buffers>,
+}
+
+#[derive(Debug)]
+struct Buffers {
+    depths: Buffer,
+    tiles: Buffer,
+    size: [u32; 2],
+    views: u32,
+    capacity: u32,
+}
+
+impl ComputeRaster {
+    /// Texels a side at most.
+    pub const MAX_RESOLUTION: u32 = 8192;
+
+    /// Compiles the passes.
+    ///
+    /// # Errors
+    /// When a shader does not compile.
+    pub fn new(
+        gpu: &Gpu,
+        library: &Library,
+        scene_layout: &GroupLayout,
+        facts: SceneFacts,
+        draws: Draws,
+    ) -> Result<Self, GpuError> {
+        let materials = facts.constants();
+        let numbers = draws == Draws::Numbers;
+        let cull_front = draws == Draws::Depth { cull_front: true };
+        let culls = [("CULL_FRONT", f64::from(u8::from(cull_front)))];
+        let make = |permutation, constants: &[(&'static str, f64)]| {
+            ComputePipeline::new(gpu, library, &permutation, &[scene_layout], constants)
+        };
+        let triangles = |masked| {
+            let mut constants = if numbers { Vec::new() } else { culls.to_vec() };
+            constants.extend(materials.iter().filter(|_| masked));
+            make(shaders::raster_triangles(masked, numbers), &constants)
+        };
+        let tiles =
+            |masked| make(shaders::raster_tiles(masked, numbers), if masked { &materials } else { &[] });
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let size = size_of::<RasterData>() as u64;
+        Ok(Self {
+            draws,
+            triangles: [triangles(false)?, triangles(true)?],
+            tiles: [tiles(false)?, tiles(true)?],
+            resolve: make(shaders::raster_resolve(numbers), &[])?,
+            uniforms: [(); 2].map(|()| Buffer::new(gpu, "raster", Life::Frame, size, usage)),
+            buffers: None,
+        })
+    }
+
+    /// How many views of a size fit one [`ComputeRaster::record`]; 0 = none, use the hardware.
+    pub fn views_at_once(gpu: &Gpu, size: [u32; 2]) -> usize {
+        if size.into_iter().any(|side| side > Self::MAX_RESOLUTION) {
+            return 0;
+        }
+        let binding = gpu.limits.max_storage_buffer_binding_size.min(DEPTH_BUDGET_BYTES);
+        let fit = (binding / 4).saturating_sub(HEADER) / u64::from(texels(size));
+        (fit as usize).min(MAX_VIEWS)
+    }
+
+    /// Whether a view of a size can be drawn with numbers: they take as much room as its depth.
+    pub fn fits_visibility(gpu: &Gpu, size: [u32; 2]) -> bool {
+        Self::views_at_once(gpu, size) >= 2
+    }
+
+    /// Makes room for so many views at once (at most [`ComputeRaster::views_at_once`]; one with numbers). Not inside a frame.
+    pub fn reserve(&mut self, gpu: &Gpu, size: [u32; 2], views: usize) {
+        let fits = |b: &Buffers| b.size == size && b.views as usize >= views;
+        if self.buffers.as_ref().is_some_and(fits) {
+            return;
+        }
+        let views = views.clamp(1, Self::views_at_once(gpu, size).max(1)) as u32;
+        let all_texels = u64::from(views) * u64::from(texels(size));
+        let capacity = (all_texels / TEXELS_PER_TILE).clamp(1, MAX_TILES);
+        let buffer = |name, life, size| Buffer::new(gpu, name, life, size, BufferUsages::STORAGE);
+        let words = HEADER + if self.draws == Draws::Numbers { 2 * all_texels } else { all_texels };
+        self.buffers = Some(Buffers {
+            // Empty when made, and emptied by the last step of every frame.
+            depths: buffer("raster_depths", Life::Kept, 4 * words),
+            tiles: buffer("raster_tiles", Life::Frame, TILE_BYTES * capacity),
+            size,
+            views,
+            capacity: capacity as u32,
+        });
+    }
+
+    /// Draws views of a scene from the lists that were culled for them, in the same order, into an R32Float array that
+    /// shaders may write. `anisotropy`: most taps of a masked caster's texture, as in `surface.anisotropy`.
+    ///
+    /// # Panics
+    /// When [`ComputeRaster::reserve`] made too little room: a mistake in the calling pass.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        scene: &SceneGpu,
+        lists: &DrawLists,
+        (views, over): (&[RasterView], &[MatrixOver<'_>]),
+        anisotropy: u32,
+        target: &Texture,
+    ) {
+        let buffers = self.buffers(views.len());
+        frame.upload(&self.uniforms[0], &[buffers.data(scene, views, anisotropy)]);
+        for MatrixOver { buffer, offset, to } in over {
+            let at = offset_of!(RasterData, views) + to * size_of::<RasterViewData>();
+            frame.copy((buffer, *offset), (&self.uniforms[0], at as u64), size_of::<Mat4>() as u64);
+        }
+        self.draw(frame, (scene, lists), buffers, (&self.uniforms[0], views.len()), &DEPTH_NAMES);
+        let binds = [
+            ("raster", (&self.uniforms[0]).into()),
+            ("depths", (&buffers.depths).into()),
+            ("maps", target.into()),
+        ];
+        let groups = buffers.resolve_groups(views.len());
+        frame.compute("shadow/raster_resolve", &self.resolve, &[], &binds, groups);
+    }
+
+    /// Draws what a view sees of a scene's opaque surfaces, from the list that was culled for it: depth (R32Float,
+    /// reversed) and triangle + 1 of its list (R32Uint; 0 = nothing). `footprint_scale`: see `frame.wesl`.
+    ///
+    /// # Panics
+    /// When [`ComputeRaster::reserve`] made too little room: a mistake in the calling pass.
+    pub fn record_visibility(
+        &self,
+        frame: &mut Frame<'_>,
+        scene: &SceneGpu,
+        lists: &DrawLists,
+        (clip_from_ws, footprint_scale, anisotropy): (Mat4, f32, u32),
+        (depth, visibility): (&Texture, &Texture),
+    ) {
+        let buffers = self.buffers(1);
+        let view = RasterView { clip_from_ws, clip_near: true, layer: 0 };
+        let data = buffers.data(scene, &[view], anisotropy);
+        let names = [&VISIBILITY_NAMES, &NUMBER_NAMES];
+        for (phase, (uniform, names)) in (0..).zip(self.uniforms.iter().zip(names)) {
+            frame.upload(uniform, &[RasterData { phase, footprint_scale, ..data }]);
+            self.draw(frame, (scene, lists), buffers, (uniform, 1), names);
+        }
+        let binds = [
+            ("raster", (&self.uniforms[0]).into()),
+            ("depths", (&buffers.depths).into()),
+            ("depth_map", depth.into()),
+            ("visibility", visibility.into()),
+        ];
+        frame.compute("surface/raster_resolve", &self.resolve, &[], &binds, buffers.resolve_groups(1));
+    }
+
+    fn buffers(&self, views: usize) -> &Buffers {
+        match self.buffers.as_ref().filter(|b| b.views as usize >= views) {
+            Some(buffers) => buffers,
+            None => panic!("raster: no room reserved for {views} views"),
+        }
+    }
+
+    // Triangles, then the tiles of large ones.
+    fn draw(
+        &self,
+        frame: &mut Frame<'_>,
+        (scene, lists): (&SceneGpu, &DrawLists),
+        buffers: &Buffers,
+        (uniform, views): (&Buffer, usize),
+        [triangles, tiles]: &[[&'static str; 2]; 2],
+    ) {
+        let binds = [
+            ("raster", uniform.into()),
+            ("draw_arguments", (&lists.arguments).into()),
+            ("draw_list", (&lists.list).into()),
+            ("depths", (&buffers.depths).into()),
+            ("tiles", (&buffers.tiles).into()),
+        ];
+        let group = &[scene.group()];
+        let groups = scene.triangle_count.div_ceil(TRIANGLE_LANES).clamp(1, MAX_TRIANGLE_GROUPS);
+        let of_views = Dispatch::Groups([groups, views as u32, 1]);
+        let kinds = if masked(scene, self.draws) { 2 } else { 1 };
+        for (name, pipeline) in triangles.iter().zip(&self.triangles).take(kinds) {
+            frame.compute(name, pipeline, group, &binds, of_views);
+        }
+        for (name, pipeline) in tiles.iter().zip(&self.tiles).take(kinds) {
+            frame.compute(name, pipeline, group, &binds, Dispatch::Groups([TILE_GROUPS, 1, 1]));
+        }
+    }
+}
+
+/// Passes by name: triangles and tiles, each opaque and masked.
+const DEPTH_NAMES: [[&str; 2]; 2] = [
+    ["shadow/raster_triangles", "shadow/raster_masked"],
+    ["shadow/raster_tiles", "shadow/raster_masked_tiles"],
+];
+const VISIBILITY_NAMES: [[&str; 2]; 2] = [
+    ["surface/raster_triangles", "surface/raster_masked"],
+    ["surface/raster_tiles", "surface/raster_masked_tiles"],
+];
+const NUMBER_NAMES: [[&str; 2]; 2] = [
+    ["surface/raster_numbers", "surface/raster_masked_numbers"],
+    ["surface/raster_tile_numbers", "surface/raster_masked_tile_numbers"],
+];
+
+impl Buffers {
+    fn data(&self, scene: &SceneGpu, views: &[RasterView], anisotropy: u32) -> RasterData {
+        let mut data = RasterData {
+            size: self.size,
+            columns: self.size[0].div_ceil(BLOCK[0]),
+            texels: texels(self.size),
+            anisotropy,
+            list_stride: scene.triangle_count,
+            capacity: self.capacity,
+            footprint_scale: 1.0,
+            ..Zeroable::zeroed()
+        };
+        for (to, view) in data.views.iter_mut().zip(views) {
+            to.clip_from_ws = view.clip_from_ws.to_cols_array_2d();
+            to.depth_limit = if view.clip_near { 1.0 } else { f32::MAX };
+            to.layer = view.layer;
+        }
+        data
+    }
+
+    fn resolve_groups(&self, views: usize) -> Dispatch<'static> {
+        let columns = self.size[0].div_ceil(BLOCK[0]).div_ceil(RESOLVE_BLOCKS);
+        Dispatch::Groups([columns, self.size[1].div_ceil(BLOCK[1]), views as u32])
+    }
+}
+
+/// Depth bits of the views drawn at once take at most this much.
+const DEPTH_BUDGET_BYTES: u64 = 512 << 20;
+
+/// Texels of a map in whole blocks.
+fn texels([width, height]: [u32; 2]) -> u32 {
+    width.next_multiple_of(BLOCK[0]) * height.next_multiple_of(BLOCK[1])
+}
+
+/// Whether anything drawn has holes.
+fn masked(scene: &SceneGpu, draws: Draws) -> bool {
+    let first = &scene.class_first;
+    first[2] < first[4] || (draws != Draws::Numbers && first[6] < scene.item_count)
+}
