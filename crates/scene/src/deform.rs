@@ -23,8 +23,7 @@ impl Scene {
         let weights = &pose.morph_weights[node];
         let joints = self.joint_matrices(pose, node);
         let own = pose.world_from_node[node];
-        let world_of =
-            move |vertex| if joints.is_empty() { own } else { blend(&joints, primitive, vertex) };
+        let world_of = move |vertex| if joints.is_empty() { own } else { blend(&joints, primitive, vertex) };
         let place = move |vertex: usize, world: &Affine3A| {
             let mut position = primitive.positions[vertex];
             for (target, &weight) in primitive.morph_targets.iter().zip(weights) {

@@ -50,7 +50,11 @@ impl Emitters {
         let environment = scene.environment.as_ref().map(table);
         let mean = environment.as_ref().map_or(0.0, |(_, mean)| *mean);
         Self {
-            materials: scene.materials.iter().map(|m| m.emissive.max_element().max(0.0) * coverage(m)).collect(),
+            materials: scene
+                .materials
+                .iter()
+                .map(|m| m.emissive.max_element().max(0.0) * coverage(m))
+                .collect(),
             lights: light_data(scene, pose).0.iter().map(flux).collect(),
             triangles: Vec::new(),
             environment: environment.map(|(table, _)| table),
