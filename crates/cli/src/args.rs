@@ -113,7 +113,8 @@ pub struct SceneArgs {
     /// The image's width and height in pixels [default: 1280x720; `bench --suite shadows`: 800x600]
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
-    /// A camera of the scene, by its number from 0 or by its name [default: the first]
+    /// A camera of the scene, by its number from 0 or by its name [default: the first]; its near plane counts, and the far
+    /// plane of an orthographic one: perspective cameras see to infinity
     #[arg(long, value_name = "INDEX|NAME", conflicts_with = "view")]
     pub camera: Option<String>,
     /// A camera of your own: its position and target in metres, and its vertical field of view in degrees

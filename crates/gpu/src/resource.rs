@@ -265,11 +265,11 @@ struct BufferInner {
 pub struct Buffer(Arc<BufferInner>);
 
 impl Buffer {
-    /// Makes a buffer of `size` bytes, zeroed.
+    /// Makes a buffer of `size` bytes, zeroed; an array in it is as long for shaders as what was asked for.
     pub fn new(gpu: &Gpu, name: &'static str, life: Life, size: u64, usage: wgpu::BufferUsages) -> Self {
         gpu.created.add();
-        // Bindings must not be empty, and copies move words of four bytes.
-        let size = size.max(16).next_multiple_of(4);
+        // Bindings must not be empty, and copies move words of four bytes. More would be elements that nobody wrote.
+        let size = if size == 0 { 16 } else { size.next_multiple_of(4) };
         let descriptor = wgpu::BufferDescriptor { label: Some(name), size, usage, mapped_at_creation: false };
         let buffer = gpu.device.create_buffer(&descriptor);
         Self(Arc::new(BufferInner { id: next_id(), alive: Arc::default(), name, life, buffer }))

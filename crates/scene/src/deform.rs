@@ -5,7 +5,7 @@
 
 use glam::{Affine3A, Mat3A, Vec3};
 
-use crate::{Id, Node, Pose, Primitive, Scene};
+use crate::{Id, Node, Pose, Primitive, Scene, mesh};
 
 impl Scene {
     /// Whether a node's mesh changes its shape, not just its place.
@@ -23,15 +23,31 @@ impl Scene {
         let weights = &pose.morph_weights[node];
         let joints = self.joint_matrices(pose, node);
         let own = pose.world_from_node[node];
-        (0..primitive.positions.len()).map(move |vertex| {
+        let world_of = move |vertex| if joints.is_empty() { own } else { blend(&joints, primitive, vertex) };
+        let place = move |vertex: usize, world: &Affine3A| {
             let mut position = primitive.positions[vertex];
-            let mut normal = primitive.normals.get(vertex).copied().unwrap_or(Vec3::Y);
             for (target, &weight) in primitive.morph_targets.iter().zip(weights) {
                 position += weight * target.positions.get(vertex).copied().unwrap_or_default();
+            }
+            world.transform_point3(position)
+        };
+        let vertices = 0..primitive.positions.len();
+        let mut flat = Vec::new();
+        if primitive.flat {
+            let positions: Vec<_> = vertices.clone().map(|vertex| place(vertex, &world_of(vertex))).collect();
+            flat = triangle_normals(&primitive.indices, &positions);
+        }
+        vertices.map(move |vertex| {
+            let world = world_of(vertex);
+            let position = place(vertex, &world);
+            if let Some(&normal) = flat.get(vertex) {
+                return (position, if world.matrix3.determinant() < 0.0 { -normal } else { normal });
+            }
+            let mut normal = primitive.normals.get(vertex).copied().unwrap_or(Vec3::Y);
+            for (target, &weight) in primitive.morph_targets.iter().zip(weights) {
                 normal += weight * target.normals.get(vertex).copied().unwrap_or_default();
             }
-            let world = if joints.is_empty() { own } else { blend(&joints, primitive, vertex) };
-            (world.transform_point3(position), transform_normal(&world, normal))
+            (position, transform_normal(&world, normal))
         })
     }
 
@@ -64,6 +80,17 @@ impl Scene {
         }
         bounds
     }
+}
+
+/// For each vertex the normal of its triangle, of which each has its own.
+fn triangle_normals(indices: &[u32], positions: &[Vec3]) -> Vec<Vec3> {
+    let mut normals = vec![mesh::FALLBACK; positions.len()];
+    for corners in indices.as_chunks::<3>().0 {
+        let at = corners.map(|vertex| positions[vertex as usize].as_dvec3());
+        let normal = mesh::unit(mesh::area_normal(at)).unwrap_or(mesh::FALLBACK);
+        corners.iter().for_each(|&vertex| normals[vertex as usize] = normal);
+    }
+    normals
 }
 
 /// The mean of a vertex' joints by their weights.

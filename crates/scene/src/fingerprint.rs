@@ -80,6 +80,7 @@ fn add_primitive(hash: &mut Fnv, primitive: &Primitive) {
     let Primitive {
         positions,
         normals,
+        flat,
         tangents,
         uvs: [uv0, uv1],
         colors,
@@ -98,7 +99,7 @@ fn add_primitive(hash: &mut Fnv, primitive: &Primitive) {
     hash.list(joints);
     hash.list(joint_weights);
     hash.list(indices);
-    hash.text(&(material, morph_targets.len()));
+    hash.text(&(material, morph_targets.len(), flat));
     for MorphTarget { positions, normals, tangents } in morph_targets {
         hash.list(positions);
         hash.list(normals);

@@ -93,6 +93,13 @@ fn assert_sound_primitive(scene: &Scene, primitive: &crate::Primitive, place: &s
     assert!(primitive.indices.iter().all(|&index| (index as usize) < count), "{place}: index range");
     assert!(primitive.positions.iter().all(|p| p.is_finite()), "{place}: positions");
     assert_eq!(primitive.normals.len(), count, "{place}: normals");
+    if primitive.flat {
+        let mut triangle_of = vec![None; count];
+        for (corner, &vertex) in primitive.indices.iter().enumerate() {
+            let triangle = *triangle_of[vertex as usize].get_or_insert(corner / 3);
+            assert_eq!(triangle, corner / 3, "{place}: a vertex of two flat triangles");
+        }
+    }
     let is_unit = |length: f32| (length - 1.0).abs() < 1e-4;
     assert!(primitive.normals.iter().all(|n| is_unit(n.length())), "{place}: normals are not unit vectors");
 

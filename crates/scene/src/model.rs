@@ -124,6 +124,9 @@ pub struct Primitive {
     pub positions: Vec<Vec3>,
     /// Unit vectors, object space; as many as positions.
     pub normals: Vec<Vec3>,
+    /// The normals are those of the triangles, of which each has vertices of its own, in whatever shape they are bent to
+    /// (glTF 2.0, section 3.7.2.2). For what has joints or morph targets but no normals in its file.
+    pub flat: bool,
     /// MikkTSpace tangents: xyz unit, w = ±1 the bitangent's sign (`bitangent = w · normal × tangent`).
     /// Empty where the material has no normal map.
     pub tangents: Vec<Vec4>,

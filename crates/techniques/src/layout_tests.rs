@@ -253,7 +253,7 @@ fn rust_structs_equal_their_wesl_twins() {
         cluster,
         rest,
         first_matrix,
-        skinned,
+        flags,
         morph,
         target_count,
         first_weight,

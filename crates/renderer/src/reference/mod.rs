@@ -64,7 +64,7 @@ struct Photons {
     specular_ws: Option<(Vec3, Vec3)>,
 }
 
-/// Passes for scenes that move.
+/// Passes for scenes that move or bend.
 #[derive(Debug)]
 struct Following {
     motion: Motion,
@@ -106,7 +106,9 @@ impl Reference {
         let specular = Specular::of(scene);
         let specular_ws = specular.bounds_ws(scene, pose);
         let facts = (facts, traced.facts, Interfaces::of(scene, &specular));
-        let following = scene.duration_s().map(|_| -> Result<_, Error> {
+        // What bends but does not move is bent once, by the same pass as in pictures.
+        let moves = scene.duration_s().is_some() || scene.nodes.iter().any(|node| scene.deforms(node));
+        let following = moves.then(|| -> Result<_, Error> {
             let (motion, refit) = (Motion::new(gpu, &kit.library)?, Refit::new(gpu, &kit.library)?);
             Ok(Following { motion, refit })
         });

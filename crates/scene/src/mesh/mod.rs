@@ -14,7 +14,7 @@ use glam::{DVec3, Vec3};
 
 use crate::Primitive;
 
-pub(crate) use normals::{Smoothing, crease, flat, repair};
+pub(crate) use normals::{FALLBACK, Smoothing, crease, flat, repair};
 pub(crate) use tangents::{generate as generate_tangents, repair as repair_tangents};
 
 /// Bits that say whether two corners may share a vertex.
@@ -87,12 +87,12 @@ fn corners(primitive: &Primitive, triangle: usize) -> [DVec3; 3] {
 }
 
 /// The normal of a triangle times twice its area.
-fn area_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
+pub(crate) fn area_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
 }
 
 /// A unit vector from one whose length may be anything; `None` from zero.
-fn unit(v: DVec3) -> Option<Vec3> {
+pub(crate) fn unit(v: DVec3) -> Option<Vec3> {
     // Scaled first: the squares of triangle areas can underflow even f64.
     let scale = v.abs().max_element();
     if scale == 0.0 || !scale.is_finite() {

@@ -8,7 +8,7 @@ use super::{Key, area_normal, bits, corners, split, unit};
 use crate::Primitive;
 
 /// What a triangle without an area gets where nothing better is known.
-const FALLBACK: Vec3 = Vec3::Y;
+pub(crate) const FALLBACK: Vec3 = Vec3::Y;
 
 /// Corners that may meet at a point before [`crease`] gives up comparing each with each: a star of more triangles is
 /// a defect or an attack, and the comparison is quadratic.
@@ -26,12 +26,19 @@ fn set_corner_normals(primitive: &mut Primitive, normals: &[Vec3]) {
     primitive.normals = split(primitive, &keys).into_iter().map(|corner| normals[corner]).collect();
 }
 
-/// Flat normals: each triangle's own.
+/// Flat normals: each triangle's own, in every shape that it may be bent to.
 pub(crate) fn flat(primitive: &mut Primitive) {
     let triangles = 0..primitive.indices.len() / 3;
     let of = |triangle| unit(area_normal(corners(primitive, triangle))).unwrap_or(FALLBACK);
     let normals: Vec<Vec3> = triangles.flat_map(|triangle| [of(triangle); 3]).collect();
-    set_corner_normals(primitive, &normals);
+    primitive.flat = !primitive.joints.is_empty() || !primitive.morph_targets.is_empty();
+    if primitive.flat {
+        // Triangles that lie in one plane may leave it.
+        let keys: Vec<Key> = (0..normals.len() as u32).map(|corner| [corner / 3, 0, 0, 0]).collect();
+        primitive.normals = split(primitive, &keys).into_iter().map(|corner| normals[corner]).collect();
+    } else {
+        set_corner_normals(primitive, &normals);
+    }
 }
 
 /// Makes every normal a unit vector; those without a direction become the mean of the adjacent triangles'. Returns

@@ -10,6 +10,8 @@
 //! | instances | transforms of instances that move | `instances`, previous transforms |
 //! | deform | shapes at rest, joint matrices, morph weights | `geometry`: positions (now and before), normals, tangents; `clusters`: spheres |
 //!
+//! Where a file has no normals, they are those of the triangles as they are bent, and tangents lie in them.
+//!
 //! Sources: glTF 2.0, sections 3.7.2.2 (morph targets) and 3.7.3 (skins), linear blend skinning (Magnenat-Thalmann,
 //! Laperrière & Thalmann 1988).
 //!
@@ -65,7 +67,7 @@ pub(crate) struct DeformJob {
     pub(crate) cluster: u32,
     pub(crate) rest: u32,
     pub(crate) first_matrix: u32,
-    pub(crate) skinned: u32,
+    pub(crate) flags: u32,
     pub(crate) morph: u32,
     pub(crate) target_count: u32,
     pub(crate) first_weight: u32,
@@ -137,7 +139,7 @@ impl MotionBuilder {
                 cluster: cluster as u32,
                 rest: place.rest,
                 first_matrix: self.matrices,
-                skinned: u32::from(scene_node.skin.is_some()),
+                flags: u32::from(scene_node.skin.is_some()) | u32::from(place.flat) << 1,
                 morph: place.morph,
                 target_count,
                 first_weight: self.weights,

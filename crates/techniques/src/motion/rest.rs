@@ -13,6 +13,7 @@ pub(crate) struct Place {
     pub rest: u32,
     pub morph: u32,
     pub morph_stride: u32,
+    pub flat: bool,
 }
 
 /// Rest shapes of all meshes that bend, each stored once however many nodes draw it.
@@ -25,13 +26,22 @@ pub(crate) struct Rest {
 
 impl Rest {
     /// Adds a cluster's vertices: position, normal, tangent, joints and their weights, then per morph target and vertex
-    /// the differences of position and, where the primitive has any, of normal and tangent.
-    pub fn add_cluster(&mut self, primitive: &cs::Primitive, vertices: &[u32]) -> Place {
+    /// the differences of position and, where the primitive has any, of normal and tangent. A flat primitive has in place of
+    /// normals the other two corners of a vertex' triangle, numbers in the cluster of 8 bits each. `triangles`: corners in
+    /// `vertices`.
+    pub fn add_cluster(&mut self, primitive: &cs::Primitive, vertices: &[u32], triangles: &[u8]) -> Place {
         let rest = self.words.len() as u32;
         let of = |vertex: &u32| *vertex as usize;
-        for vertex in vertices.iter().map(of) {
+        let mut others = vec![0; vertices.len()];
+        for &[a, b, c] in triangles.as_chunks::<3>().0 {
+            for [own, next, last] in [[a, b, c], [b, c, a], [c, a, b]] {
+                others[usize::from(own)] = u32::from(next) | u32::from(last) << 8;
+            }
+        }
+        for (vertex, others) in vertices.iter().map(of).zip(others) {
             self.words.extend(primitive.positions[vertex].to_array().map(f32::to_bits));
-            self.words.push(normal_word(primitive.normals.get(vertex).copied().unwrap_or(Vec3::Y)));
+            let normal = || normal_word(primitive.normals.get(vertex).copied().unwrap_or(Vec3::Y));
+            self.words.push(if primitive.flat { others } else { normal() });
             self.words.push(primitive.tangents.get(vertex).map_or(u32::MAX, |&t| tangent_word(t)));
             let joints = primitive.joints.get(vertex).copied().unwrap_or_default();
             self.words.extend(pairs(joints));
@@ -56,7 +66,7 @@ impl Rest {
                 }
             }
         }
-        Place { rest, morph, morph_stride: 3 * streams as u32 }
+        Place { rest, morph, morph_stride: 3 * streams as u32, flat: primitive.flat }
     }
 }
 

@@ -129,7 +129,7 @@ impl Heap {
             for vertex in vertices().chain(vertices()) {
                 self.words.extend(positions[vertex].to_array().map(f32::to_bits));
             }
-            places.push(rest.add_cluster(primitive, meshlet.vertices));
+            places.push(rest.add_cluster(primitive, meshlet.vertices, meshlet.triangles));
         } else {
             for vertex in vertices() {
                 self.words.extend(primitive.positions[vertex].to_array().map(f32::to_bits));

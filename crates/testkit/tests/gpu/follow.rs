@@ -60,6 +60,17 @@ fn a_traced_moment_is_that_of_the_scene_frozen_then() {
 }
 
 #[test]
+fn what_bends_without_an_animation_is_traced_with_the_normals_of_its_shape() {
+    let scene = crate::motion::moving();
+    for scene in [crate::motion::facetted(scene.clone()), scene] {
+        let of = |scene: &Scene| traced(scene, (&crate::motion::view(), SIZE), (&[], 0.0), (2, 4));
+        let expected = of(&crate::motion::frozen(&scene, 0.7));
+        let found = of(&crate::motion::resting(&scene, 0.7));
+        assert!(off(&found, &expected) < 0.002, "{}", off(&found, &expected));
+    }
+}
+
+#[test]
 fn a_lamp_that_grows_lights_as_its_form_factor_says() {
     const SIDE: u32 = 32;
     const HALF: f32 = 2.0;

@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use chiaro::scene::{self, AlphaMode, LightKind, Material, Mesh, Primitive};
+use chiaro::scene::{self, AlphaMode, Filter, LightKind, Material, Mesh, Node, Primitive, Transform, Wrap};
 use chiaro::{Integrator, ReferenceOptions, View};
 use chiaro_image::Image;
 use chiaro_testkit::{Stage, Truth, camera_above, device_guaranteed, direct, nmae, place_below};
@@ -329,6 +329,113 @@ fn a_blended_sheet_lets_its_share_of_light_and_sight_through() {
         let found = mean(&trace(&stage.scene, view, options(integrator), &[128]), |_, _| true);
         let expected = lux * ALBEDO / PI * (1.0 - alpha).powi(2);
         assert!((found / expected - 1.0).abs() < 0.01, "{integrator:?}: {found} is not {expected}");
+    }
+}
+
+#[test]
+fn blended_panes_placed_several_times_are_each_met_by_chance_of_their_own() {
+    // Four of one mesh before what glows: on the left of two triangles, on the right of so many that they share a tree.
+    let (alpha, nits) = (0.3f32, 5.0);
+    let mut stage = Stage::new();
+    let base_color = Vec4::new(0.0, 0.0, 0.0, alpha);
+    let pane = Material { base_color, specular: 0.0, alpha: AlphaMode::Blend, ..Material::default() };
+    let pane = stage.material(pane);
+    for (x, rows) in [(-0.5, 1u32), (0.5, 24)] {
+        let mut cells = Stage::new();
+        let half = 0.5 / rows as f32;
+        for i in 0..rows * rows {
+            let at = |i: u32| (2 * i + 1) as f32 * half - 0.5;
+            let center = Vec3::new(x + at(i % rows), 0.0, at(i / rows));
+            cells.quad(center, Vec3::X * half, Vec3::NEG_Z * half, pane);
+        }
+        let primitives = cells.scene.meshes.into_iter().flat_map(|mesh| mesh.primitives).collect();
+        stage.place(Mesh { primitives, ..Mesh::default() }, Affine3A::IDENTITY);
+        let node = stage.scene.nodes.len() - 1;
+        for height in 1..4 {
+            let up = Affine3A::from_translation(Vec3::Y * 0.3 * height as f32);
+            let again = Node { parent_from_node: Transform::Matrix(up), ..stage.scene.nodes[node].clone() };
+            stage.scene.nodes.push(again);
+        }
+    }
+    let glowing = Material { emissive: Vec3::splat(nits), base_color: Vec4::W, ..Material::default() };
+    let glowing = stage.material(glowing);
+    stage.quad(Vec3::NEG_Y, Vec3::X, Vec3::NEG_Z, glowing);
+    let options = ReferenceOptions { max_depth: 1, ..options(Integrator::Path) };
+    let image = trace(&stage.scene, (&camera_above(HALF), [SIDE; 2]), options, &[128]);
+    for left in [true, false] {
+        let found = mean(&image, |x, _| (x < SIDE / 2) == left);
+        let expected = nits * (1.0 - alpha).powi(4);
+        assert!((found / expected - 1.0).abs() < 0.03, "left {left}: {found} is not {expected}");
+    }
+}
+
+#[test]
+fn lamps_shine_as_much_as_alpha_leaves_of_them() {
+    // Five floors with walls between, each under a lamp: whole though its alpha is 0, half cut out by a texture, cut out by
+    // its factor, half there by its vertices' colour, and half by its factor.
+    let mut stage = Stage::new();
+    let rgba = (0..16).flat_map(|i| [255, 255, 255, if i % 4 < 2 { 255 } else { 0 }]).collect();
+    let texture = stage.texture(4, [Wrap::Clamp; 2], Filter::Nearest, rgba);
+    let [white, wall] = [ALBEDO, 0.0].map(|albedo| stage.lambert(albedo));
+    let lamp = |alpha: AlphaMode, a: f32| Material {
+        emissive: Vec3::splat(100.0),
+        base_color: Vec4::new(0.0, 0.0, 0.0, a),
+        specular: 0.0,
+        alpha,
+        ..Material::default()
+    };
+    let mask = AlphaMode::Mask { cutoff: 0.5 };
+    let lamps = [
+        (lamp(AlphaMode::Opaque, 0.0), 1.0, 1.0),
+        (Material { base_color_texture: Some(texture), ..lamp(mask, 1.0) }, 1.0, 0.5),
+        (lamp(mask, 0.4), 1.0, 0.0),
+        (lamp(AlphaMode::Blend, 1.0), 0.5, 0.5),
+        (lamp(AlphaMode::Blend, 0.5), 1.0, 0.5),
+    ];
+    const WIDE: u32 = 8;
+    for (index, (material, alpha, _)) in lamps.iter().enumerate() {
+        let x = index as f32 - 2.0;
+        let material = stage.material(material.clone());
+        stage.quad(Vec3::new(x, 0.0, 0.0), Vec3::X * 0.5, Vec3::NEG_Z * 0.5, white);
+        stage.quad(Vec3::new(x, 0.4, 0.0), Vec3::X * 0.2, Vec3::Z * 0.2, material);
+        let Some(mesh) = stage.scene.meshes.last_mut() else { unreachable!() };
+        mesh.primitives[0].colors = vec![Vec4::new(1.0, 1.0, 1.0, *alpha); 4];
+        for side in [-0.499, 0.499] {
+            stage.quad(Vec3::new(x + side, 0.5, 0.0), Vec3::Z * 0.5, Vec3::Y * 0.5, wall);
+        }
+    }
+    let view = (&camera_above(0.5), [5 * WIDE, WIDE]);
+    for (integrator, samples) in [(Integrator::Path, 256), (Integrator::Photon, 256)] {
+        let options = ReferenceOptions { max_depth: 2, ..options(integrator) };
+        let image = trace(&stage.scene, view, options, &[samples]);
+        let under = |lamp: u32| mean(&image, |x, _| x / WIDE == lamp);
+        let whole = under(0);
+        assert!(whole > 1.0, "{whole}");
+        for (index, (_, _, share)) in lamps.iter().enumerate() {
+            let found = under(index as u32) / whole;
+            assert!((found - share).abs() < 0.03, "{integrator:?}, lamp {index}: {found} is not {share}");
+        }
+    }
+}
+
+#[test]
+fn a_mirror_shows_what_lies_behind_backs_of_single_sided_surfaces() {
+    // A mirror on the floor shows what glows above the camera, through the back of a card but not through its front.
+    let mut stage = Stage::new();
+    let mirror = Material { metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let mirror = stage.material(mirror);
+    stage.quad(Vec3::ZERO, Vec3::X * 2.0, Vec3::NEG_Z * 2.0, mirror);
+    let black = Material { base_color: Vec4::W, specular: 0.0, ..Material::default() };
+    let glowing = Material { emissive: Vec3::splat(3.0), ..black.clone() };
+    let [black, glowing] = [black, glowing].map(|material| stage.material(material));
+    // Fronts are those towards u × v: a card that looks up on the left, and down on the right.
+    stage.quad(Vec3::new(-0.5, 11.0, 0.0), Vec3::X * 0.5, Vec3::NEG_Z, black);
+    stage.quad(Vec3::new(0.5, 11.0, 0.0), Vec3::X * 0.5, Vec3::Z, black);
+    stage.quad(Vec3::Y * 12.0, Vec3::X * 2.0, Vec3::Z * 2.0, glowing);
+    for integrator in [Integrator::Path, Integrator::Full] {
+        let image = trace(&stage.scene, (&camera_above(HALF), [8; 2]), options(integrator), &[4]);
+        let [left, right] = [true, false].map(|left| mean(&image, |x, _| (x < 4) == left));
+        assert!((left - 3.0).abs() < 0.01 && right == 0.0, "{integrator:?}: {left} and {right}");
     }
 }
 

@@ -17,6 +17,7 @@ mod motion;
 mod pipelines;
 mod references;
 mod robust;
+mod seen;
 mod shadow_cascades;
 mod shadow_moments;
 mod shadow_raster;

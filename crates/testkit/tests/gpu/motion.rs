@@ -125,6 +125,37 @@ pub fn frozen(scene: &Scene, time_s: f64) -> Scene {
     frozen
 }
 
+/// The scene without animations, at rest as they have it at a moment.
+pub fn resting(scene: &Scene, time_s: f64) -> Scene {
+    let pose = scene.pose(time_s);
+    let mut resting = Scene { animations: Vec::new(), ..scene.clone() };
+    for (index, node) in resting.nodes.iter_mut().enumerate() {
+        let world = |node: usize| pose.world_from_node[node];
+        let parent = node.parent.map_or(Affine3A::IDENTITY, world);
+        node.parent_from_node = Transform::Matrix(parent.inverse() * world(index));
+        node.morph_weights.clone_from(&pose.morph_weights[index]);
+    }
+    resting
+}
+
+/// The tube as a file without normals has it.
+pub fn facetted(mut scene: Scene) -> Scene {
+    let Some(tube) = scene.meshes.last_mut().and_then(|mesh| mesh.primitives.first_mut()) else {
+        return scene;
+    };
+    let corners = std::mem::take(&mut tube.indices);
+    let all = |of: &[Vec3]| corners.iter().map(|&vertex| of[vertex as usize]).collect();
+    tube.positions = all(&tube.positions);
+    tube.normals = vec![Vec3::Y; corners.len()];
+    tube.joints = corners.iter().map(|&vertex| tube.joints[vertex as usize]).collect();
+    tube.joint_weights = corners.iter().map(|&vertex| tube.joint_weights[vertex as usize]).collect();
+    tube.morph_targets[0].positions = all(&tube.morph_targets[0].positions);
+    tube.morph_targets[0].normals.clear();
+    tube.indices = (0..corners.len() as u32).collect();
+    tube.flat = true;
+    scene
+}
+
 pub fn view() -> View {
     View::look_at(Vec3::new(1.0, 3.0, 7.0), Vec3::new(0.5, 1.2, 0.0), 0.8, 0.1)
 }
@@ -158,6 +189,27 @@ fn normals_bounds_and_shadows_of_what_bends_follow() {
         }
         let moved = share_off(&studio.aov(&loaded, &view(), SIZE, 1, Aov::Normal), &at_rest, 0.01);
         assert!(moved > 0.01, "nothing moved: {moved}");
+    }
+}
+
+#[test]
+fn a_bending_mesh_without_normals_shows_those_of_its_triangles() {
+    let gpu = device();
+    let (smooth, source) = (moving(), facetted(moving()));
+    let mut studio = Studio::new(&gpu, direct(&[]));
+    let mut loaded = studio.load(&source);
+    for time_s in [1.0, 0.4] {
+        loaded.set_pose(&source, &source.pose(time_s));
+        let resting = studio.load(&resting(&source, time_s));
+        let [twin, round] = [&source, &smooth].map(|scene| studio.load(&frozen(scene, time_s)));
+        let [found, resting, expected, round] =
+            [&loaded, &resting, &twin, &round].map(|scene| studio.aov(scene, &view(), SIZE, 1, Aov::Normal));
+        for (kind, found) in [("moved", &found), ("resting", &resting)] {
+            let off = share_off(found, &expected, 0.01);
+            assert!(off <= 0.002, "{kind}, at {time_s} s: {:.2} % of the pixels differ", 100.0 * off);
+        }
+        let off = share_off(&round, &expected, 0.01);
+        assert!(off > 0.01, "facets are no other than what is smooth: {off}");
     }
 }
 

@@ -58,6 +58,12 @@ impl Following {
         Self { bench, loaded, traced, passes, recorder: Recorder::new(gpu, false) }
     }
 
+    /// Other trees by the same passes.
+    fn load(&mut self, gpu: &Gpu, scene: &Scene) {
+        self.loaded = SceneGpu::upload(gpu, &self.bench.scene_layout, scene).unwrap();
+        self.traced = TraceData::build(scene, &scene.pose(0.0)).upload(gpu).unwrap();
+    }
+
     fn go_to(&mut self, gpu: &Gpu, scene: &Scene, time_s: f64) {
         let pose = scene.pose(time_s);
         self.loaded.set_pose(scene, &pose);
@@ -78,11 +84,24 @@ fn shoot_at(
     (bench, loaded, traced): (&Bench, &SceneGpu, &TraceScene),
     rays: &[Ray],
 ) -> Vec<[f32; 4]> {
+    let pipeline = shooter(gpu, bench, loaded, traced.facts);
+    shoot_by(gpu, &pipeline, (bench, loaded, traced), rays)
+}
+
+fn shooter(gpu: &Gpu, bench: &Bench, loaded: &SceneGpu, facts: TraceFacts) -> ComputePipeline {
     let library = shaders::library().with(&[("tests/rays.cs.wesl", include_str!("wesl/rays.cs.wesl"))]);
     let layouts = [&bench.frame_layout, &bench.scene_layout];
-    let constants = [loaded.facts.constants(), traced.facts.constants()].concat();
+    let constants = [loaded.facts.constants(), facts.constants()].concat();
     let entry = Permutation::plain("tests/rays.cs.wesl");
-    let pipeline = ComputePipeline::new(gpu, &library, &entry, &layouts, &constants).unwrap();
+    ComputePipeline::new(gpu, &library, &entry, &layouts, &constants).unwrap()
+}
+
+fn shoot_by(
+    gpu: &Gpu,
+    pipeline: &ComputePipeline,
+    (bench, loaded, traced): (&Bench, &SceneGpu, &TraceScene),
+    rays: &[Ray],
+) -> Vec<[f32; 4]> {
     let usage = TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
     let options = TextureOptions::new(BATCH as u32, 1, TextureFormat::Rgba32Float, usage);
     let texture = Texture::new(gpu, "hits", Life::Kept, options);
@@ -96,7 +115,7 @@ fn shoot_at(
         let binds =
             [("rays", (&buffer).into()), ("tracer", (&traced.words).into()), ("hits", (&texture).into())];
         let mut frame = recorder.begin();
-        frame.compute("test", &pipeline, &groups, &binds, Dispatch::Threads([BATCH as u32, 1, 1]));
+        frame.compute("test", pipeline, &groups, &binds, Dispatch::Threads([BATCH as u32, 1, 1]));
         frame.submit();
         let floats = Readback::start(gpu, &texture).unwrap().wait(gpu).unwrap().floats();
         let (found, _) = floats.as_chunks::<4>();
@@ -130,6 +149,12 @@ fn assert_same_hits(mut scene: Scene, count: usize) {
 }
 
 fn assert_hits(exact: &Exact, rays: &[Ray], hits: &[[f32; 4]]) {
+    let (count, met) = (rays.len(), hits_as_on_the_cpu(exact, rays, hits));
+    assert!(met > count / 20, "only {met} of {count} rays met anything");
+}
+
+/// How many there are.
+fn hits_as_on_the_cpu(exact: &Exact, rays: &[Ray], hits: &[[f32; 4]]) -> usize {
     let count = rays.len();
     let mut differ = Vec::new();
     let mut met = 0;
@@ -148,7 +173,6 @@ fn assert_hits(exact: &Exact, rays: &[Ray], hits: &[[f32; 4]]) {
             differ.push((t, *hit, ray.t_max));
         }
     }
-    assert!(met > count / 20, "only {met} of {count} rays met anything");
     // Rays that pass an edge of the scene within rounding may do so on either side.
     assert!(
         differ.len() <= count / 5000,
@@ -156,6 +180,7 @@ fn assert_hits(exact: &Exact, rays: &[Ray], hits: &[[f32; 4]]) {
         differ.len(),
         &differ[..differ.len().min(5)]
     );
+    met
 }
 
 #[test]
@@ -251,6 +276,81 @@ fn rays_meet_a_crowd_that_turns_and_grows() {
 #[test]
 fn rays_meet_a_tube_that_bends_and_swells() {
     assert_follows(crate::motion::moving(), 5_000);
+}
+
+/// A mesh of so many large triangles that stands, moves, bends or has been bent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Small {
+    Stands,
+    Moves,
+    Bends,
+    Bent,
+}
+
+/// One of them, alone or beside a floor; with no triangle there is one that is no place.
+fn small(kind: Small, count: usize, beside: bool) -> Scene {
+    let mut stage = Stage::new();
+    let material = stage.lambert(0.5);
+    let mut random = Random::new(23 + count as u64);
+    let mut three = || Vec3::from_array([0; 3].map(|_| random.within(-1.0, 1.0)));
+    let mut mesh = Primitive { material, ..Primitive::default() };
+    for corner in 0..3 * count.max(1) as u32 {
+        mesh.positions.push(if count == 0 { Vec3::NAN } else { three() });
+        mesh.normals.push(Vec3::Y);
+        mesh.indices.push(corner);
+    }
+    let mut morph_weights = Vec::new();
+    if matches!(kind, Small::Bends | Small::Bent) {
+        let positions = mesh.positions.iter().map(|_| 0.7 * three()).collect();
+        mesh.morph_targets = vec![MorphTarget { positions, ..MorphTarget::default() }];
+        morph_weights = vec![if kind == Small::Bent { 0.8 } else { 0.0 }];
+    }
+    stage.place(Mesh { primitives: vec![mesh], morph_weights, ..Mesh::default() }, Affine3A::IDENTITY);
+    let keys = match kind {
+        Small::Moves => Some(Keys::Translation(vec![Vec3::ZERO, Vec3::new(0.5, 0.3, -0.4)])),
+        Small::Bends => Some(Keys::MorphWeights(vec![0.0, 1.0])),
+        Small::Stands | Small::Bent => None,
+    };
+    if let Some(keys) = keys {
+        let node = stage.scene.nodes.len() - 1;
+        stage.scene.nodes[node].parent_from_node = Transform::default();
+        let channel = Channel { node, times_s: vec![0.0, 1.0], interpolation: Interpolation::Linear, keys };
+        stage.scene.animations.push(Animation { name: String::new(), channels: vec![channel] });
+    }
+    if beside {
+        stage.quad(Vec3::NEG_Y * 0.6, Vec3::X, Vec3::NEG_Z, material);
+    }
+    stage.scene
+}
+
+#[test]
+fn trees_of_few_triangles_are_met_alone_and_beside_others_wherever_they_go() {
+    let gpu = device_guaranteed();
+    let rays = random_rays((Vec3::splat(-1.0), Vec3::ONE), 2 * BATCH);
+    let mut following = Following::new(&gpu, &small(Small::Stands, 1, false));
+    // One for all, and the one without a level that most of them would get.
+    let [all, single] = [TraceFacts::default(), TraceFacts { levels: 0, masks: false }]
+        .map(|facts| shooter(&gpu, &following.bench, &following.loaded, facts));
+    for kind in [Small::Stands, Small::Moves, Small::Bends, Small::Bent] {
+        for (count, beside) in (0..=8).flat_map(|count| [(count, false), (count, true)]) {
+            let scene = small(kind, count, beside);
+            following.load(&gpu, &scene);
+            following.go_to(&gpu, &scene, 0.7);
+            let fits = following.traced.facts.levels == 0;
+            for pipeline in [Some(&all), fits.then_some(&single)].into_iter().flatten() {
+                let traced = (&following.bench, &following.loaded, &following.traced);
+                let hits = shoot_by(&gpu, pipeline, traced, &rays);
+                if count == 0 {
+                    // On the CPU a triangle that is no place would be anywhere.
+                    let met = hits.iter().filter(|hit| hit[0] >= 0.0).count();
+                    assert_eq!(met > rays.len() / 10, beside, "{kind:?}: {met}");
+                    continue;
+                }
+                let met = hits_as_on_the_cpu(&Exact::at(&scene, &scene.pose(0.7)), &rays, &hits);
+                assert!(met > rays.len() / 100, "{kind:?} {count} {beside}: only {met} rays met anything");
+            }
+        }
+    }
 }
 
 #[test]

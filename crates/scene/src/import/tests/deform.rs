@@ -238,3 +238,30 @@ fn normals_are_unit_at_any_scale() {
         }
     }
 }
+
+#[test]
+fn a_mesh_without_normals_has_those_of_its_triangles_as_they_are_bent() {
+    // A square of two triangles that share their vertices, of which a target lifts one corner; joints leave it alone.
+    let mut document = Document::default();
+    document.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
+    document.floats("VEC3", &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    document.stream(U8, "SCALAR", 6, &[0_u8, 1, 2, 0, 2, 3], "");
+    let targets = r#", "targets": [{"POSITION": 1}], "indices": 2"#;
+    let members = one_mesh("", targets, "").replace(r#"{"mesh": 0}"#, r#"{"mesh": 0, "weights": [2]}"#);
+    for (scale, flips) in [("1, 1, 1", false), ("-1, 1, 1", true)] {
+        let node = format!(r#"{{"mesh": 0, "scale": [{scale}],"#);
+        let scene = document.load(&members.replace(r#"{"mesh": 0,"#, &node));
+        let primitive = &scene.meshes[0].primitives[0];
+        assert_eq!((primitive.positions.len(), primitive.flat), (6, true));
+        let turned = if flips { Vec3::new(-1.0, 1.0, 1.0) } else { Vec3::ONE };
+        let expected = [Vec3::new(-2.0, 2.0, 1.0) / 3.0 * turned, Vec3::Z];
+        for (corner, &vertex) in primitive.indices.iter().enumerate() {
+            let (_, normal) = scene.posed_vertices(&scene.rest(), 0, primitive).nth(vertex as usize).unwrap();
+            assert!(normal.abs_diff_eq(expected[corner / 3], 1e-6), "{normal} at corner {corner}");
+        }
+    }
+    // What nothing bends keeps to as few vertices as it has normals.
+    let still = document.load(&one_mesh("", r#", "indices": 2"#, ""));
+    let primitive = &still.meshes[0].primitives[0];
+    assert_eq!((primitive.positions.len(), primitive.flat), (4, false));
+}

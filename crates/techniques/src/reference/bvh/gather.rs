@@ -12,6 +12,7 @@ use crate::surface::scene::{Cut, Drawn, InstanceData};
 pub(super) const NO_INSTANCE: u32 = u32::MAX;
 /// Of a triangle.
 const MASKED: u32 = 1;
+const ONE_SIDED: u32 = 2;
 /// Words of a triangle.
 pub(super) const TRIANGLE: usize = 3;
 /// What boxes are widened by, relative to their tree's largest coordinate: rounding of transforms that the GPU does its
@@ -32,6 +33,7 @@ pub(crate) struct TriangleRef {
     pub corners: [Vec3; 3],
     pub material: u32,
     masked: bool,
+    one_sided: bool,
 }
 
 impl TriangleRef {
@@ -42,7 +44,8 @@ impl TriangleRef {
 
     /// What `traverse.wesl` reads.
     pub fn words(&self) -> [Word; TRIANGLE] {
-        let last = [self.word[0], self.word[1], if self.masked { MASKED } else { 0 }];
+        let flags = if self.masked { MASKED } else { 0 } | if self.one_sided { ONE_SIDED } else { 0 };
+        let last = [self.word[0], self.word[1], flags];
         std::array::from_fn(|i| {
             let [x, y, z] = self.corners[i].to_array().map(f32::to_bits);
             [x, y, z, last[i]]
@@ -72,6 +75,7 @@ fn cluster_triangles<'a>(
     let data = &cut.heap.clusters[cluster];
     let material = data.material;
     let masked = material::alpha_cutoff(&scene.materials[material as usize]) > 0.0;
+    let one_sided = material::one_sided(&scene.materials[material as usize]);
     (0..data.triangle_count).filter_map(move |triangle| {
         let packed = cut.heap.words[(data.triangles + triangle) as usize] & 0xff_ffff;
         let corners = [0, 8, 16].map(|shift| {
@@ -82,7 +86,7 @@ fn cluster_triangles<'a>(
         // Comparisons with NaN are false.
         let sane = corners.iter().all(|p| p.abs().max_element() < FARTHEST && !p.is_nan());
         let word = [(cluster as u32) << 8 | triangle, instance, data.positions, packed];
-        sane.then_some(TriangleRef { word, corners, material, masked })
+        sane.then_some(TriangleRef { word, corners, material, masked, one_sided })
     })
 }
 

@@ -25,6 +25,9 @@
 //! paths choose follow; where glowing triangles change their size, the tables are made anew, for a density that did not
 //! know of it would be wrong, not just noisy.
 //!
+//! Triangles count from both sides, but for rays that look (`looking` in `traverse.wesl`) not from the back of single-sided
+//! materials.
+//!
 //! Limits: masked triangles are cut out at the finest mip; blended ones count as masked at half coverage, as in shadow
 //! maps. A mesh squeezed flat by a node that moves is not met. Triangles that are not finite when a tree is built never
 //! are. 128 MiB, which every adapter binds, hold about 2.1 million triangles.

@@ -20,7 +20,7 @@ const COLUMNS: u32 = 1024;
 
 /// Emitters being gathered.
 pub(crate) struct Emitters {
-    /// What a material emits, by the largest channel of its factor.
+    /// What a material emits, by the largest channel of its factor and the largest alpha that it may have.
     materials: Vec<f32>,
     lights: Vec<f32>,
     triangles: Vec<(f32, Word)>,
@@ -50,7 +50,11 @@ impl Emitters {
         let environment = scene.environment.as_ref().map(table);
         let mean = environment.as_ref().map_or(0.0, |(_, mean)| *mean);
         Self {
-            materials: scene.materials.iter().map(|m| m.emissive.max_element().max(0.0)).collect(),
+            materials: scene
+                .materials
+                .iter()
+                .map(|m| m.emissive.max_element().max(0.0) * coverage(m))
+                .collect(),
             lights: light_data(scene, pose).0.iter().map(flux).collect(),
             triangles: Vec::new(),
             environment: environment.map(|(table, _)| table),
@@ -117,6 +121,16 @@ impl Emitters {
         }
         // Density over area of a triangle, by what its material emits.
         words[2][0] = ((f64::from(PI) * per_flux) as f32).to_bits();
+    }
+}
+
+/// How much of a surface is there at most: textures and vertex colours only lower alpha.
+fn coverage(material: &cs::Material) -> f32 {
+    let alpha = material.base_color.w.clamp(0.0, 1.0);
+    match material.alpha {
+        cs::AlphaMode::Opaque => 1.0,
+        cs::AlphaMode::Mask { cutoff } => f32::from(u8::from(alpha >= cutoff)),
+        cs::AlphaMode::Blend => alpha,
     }
 }
 

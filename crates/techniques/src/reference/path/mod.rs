@@ -5,7 +5,8 @@
 //! by multiple importance (Veach & Guibas 1995). Materials are evaluated by the same WESL modules as in the real-time
 //! pipelines, textures at their finest mip; interfaces bend light by Snell's and Fresnel's laws, rough ones through facets
 //! (Walter et al. 2007), dispersing ones by a band of the spectrum that is drawn where a path first meets them. Blended
-//! surfaces are met as often as their alpha says. A light behind the triangle gives nothing, whatever the bent normal says,
+//! surfaces are met as often as their alpha says, each instance for itself. Until a path is scattered it looks, and passes
+//! through backs of single-sided surfaces; all else carries light, which backs stop (`docs/reference.md`, "What is seen"). A light behind the triangle gives nothing, whatever the bent normal says,
 //! as in the pipelines. Russian roulette ends paths from the eighth edge on.
 //!
 //! | input | output | format | unit |
