@@ -5,7 +5,7 @@ use chiaro::{Integrator, ReferenceOptions, View};
 use chiaro_testkit::{Stage, Studio, Truth, camera_above, device, device_guaranteed, direct, nmae};
 use glam::Vec3;
 
-use crate::truth::{mean, trace};
+use crate::truth::{mean, trace, trace_views};
 
 const SIZE: [u32; 2] = [96, 64];
 
@@ -80,14 +80,13 @@ fn backs_stop_light() {
 #[test]
 fn light_paths_are_seen_like_paths_from_the_camera() {
     let stage = stage();
-    for view in [through_the_wall(), parallel()] {
-        let [path, photon] =
-            [(Integrator::Path, 16), (Integrator::Photon, 64)].map(|(integrator, samples)| {
-                let options =
-                    ReferenceOptions { integrator, max_depth: 2, seed: 1, ..ReferenceOptions::default() };
-                trace(&stage.scene, (&view, [24, 16]), options, &[samples])
-            });
-        let distance = nmae(&photon, &path);
+    let views = [through_the_wall(), parallel()];
+    let [paths, photons] = [(Integrator::Path, 16), (Integrator::Photon, 64)].map(|(integrator, samples)| {
+        let options = ReferenceOptions { integrator, max_depth: 2, seed: 1, ..ReferenceOptions::default() };
+        trace_views(&stage.scene, (&views, [24, 16]), options, &[samples])
+    });
+    for (view, (path, photon)) in views.iter().zip(paths.iter().zip(&photons)) {
+        let distance = nmae(photon, path);
         assert!(distance < 0.05, "{view:?}: {distance}");
     }
 }
