@@ -110,7 +110,7 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<Image, ImageError> {
             advice: "rename the channels that hold the picture".to_owned(),
         });
     };
-    shown(&file, layer, pixels).map_err(|problem| ImageError::Invalid {
+    shown(&file, layer, &pixels).map_err(|problem| ImageError::Invalid {
         path: path.to_owned(),
         problem,
         advice: "crop its display window, or check whether the file is damaged".to_owned(),
@@ -131,7 +131,7 @@ const FREE_BLANK: u64 = 1 << 24;
 fn shown(
     file: &Decoded,
     layer: &Layer<AnyChannels<FlatSamples>>,
-    pixels: Vec<[f32; 3]>,
+    pixels: &[[f32; 3]],
 ) -> Result<Image, String> {
     let (data, display) = (layer.absolute_bounds(), file.attributes.display_window);
     let area = |window: &IntegerBounds| window.size.width() as u64 * window.size.height() as u64;
@@ -228,13 +228,13 @@ impl Colours {
         let y = named("Y")?;
         match (named("RY"), named("BY")) {
             (None, None) => Some(zipped([y; 3]).collect()),
-            (Some(ry), Some(by)) => Some(zipped([y, ry, by]).map(|ycc| self.from_chroma(ycc)).collect()),
+            (Some(ry), Some(by)) => Some(zipped([y, ry, by]).map(|ycc| self.rgb(ycc)).collect()),
             _ => None,
         }
     }
 
     /// From luminance Y and the chroma (R − Y) / Y and (B − Y) / Y.
-    fn from_chroma(&self, [y, ry, by]: [f32; 3]) -> [f32; 3] {
+    fn rgb(&self, [y, ry, by]: [f32; 3]) -> [f32; 3] {
         let (r, b) = ((ry + 1.0) * y, (by + 1.0) * y);
         [r, (y - self.weights[0] * r - self.weights[2] * b) / self.weights[1], b]
     }

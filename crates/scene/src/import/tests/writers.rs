@@ -241,10 +241,7 @@ fn what_draws_nothing_says_what_there_is() {
     }
     for (members, found) in [
         (r#""scenes": [{}]"#, "0 nodes"),
-        (
-            r#""scenes": [{"nodes": [0]}], "nodes": [{}], "meshes": [{"primitives": [{"attributes": {}}]}]"#,
-            "1 meshes",
-        ),
+        (r#""scenes": [{"nodes": []}], "nodes": [{}]"#, "1 scenes, 1 nodes"),
         (r#""nodes": [{"children": [1]}, {}]"#, "2 nodes"),
     ] {
         let json = format!(r#"{{"asset": {{"version": "2.0"}}, {members}}}"#);
