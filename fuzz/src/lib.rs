@@ -32,7 +32,7 @@ fn limits() -> Limits {
 
 /// Loads the scene at `path`. A refusal is fine; what loads must keep the model's promises and be usable.
 pub fn load(files: &Memory, path: &str) {
-    let options = LoadOptions { scene: None, limits: limits() };
+    let options = LoadOptions { limits: limits(), ..LoadOptions::default() };
     match load_from(files, Path::new(path), &options) {
         Ok(scene) => exercise(scene),
         Err(error) => assert!(error.to_string().starts_with(path) || error.to_string().starts_with("cannot read")),

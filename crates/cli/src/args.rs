@@ -87,6 +87,8 @@ ssim        mean structural similarity of the luma of these pictures; 1 is the s
 flip        mean LDR-FLIP at that exposure; 0 looks the same
 hdr flip    mean HDR-FLIP: in each pixel the largest FLIP of the exposures that B needs, in ACES tones
 
+Of EXR crops (a data window smaller than the display window) the pixels count that all files hold.
+
 The picture of -o has its own scale: of |A-B| from 1 % (black) to 1000 % (white) of B's mean, of FLIP
 from 0 to 1; masked pixels are grey, pixels where A is not finite green.")]
     Diff(DiffArgs),
@@ -123,6 +125,10 @@ pub struct SceneArgs {
     /// A Radiance HDR or EXR picture of the surroundings (latitude-longitude), which lights the scene
     #[arg(long, value_name = "FILE")]
     pub environment: Option<PathBuf>,
+    /// Refuse a scene file whose textures or material libraries are missing or broken, instead of warning and going on
+    /// without them
+    #[arg(long)]
+    pub strict: bool,
 }
 
 /// How it is rendered.

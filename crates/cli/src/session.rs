@@ -89,7 +89,11 @@ impl<R> Session<R> {
     ) -> anyhow::Result<Self> {
         let settings = settings(settings_args)?;
         let name = scene_name(scene_args);
-        let options = LoadOptions { scene: scene_args.scene_in_file.clone(), ..LoadOptions::default() };
+        let options = LoadOptions {
+            scene: scene_args.scene_in_file.clone(),
+            strict: scene_args.strict,
+            ..LoadOptions::default()
+        };
         let mut scene = scene::load_with(&name, &options)?;
         if let Some(path) = &scene_args.environment {
             scene.environment = Some(chiaro::environment::load(path, &mut scene.warnings)?);

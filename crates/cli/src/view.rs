@@ -33,6 +33,7 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
     Ok(chiaro_viewer::run(Options {
         scene,
         environment,
+        strict: args.scene.strict,
         settings,
         camera,
         size,

@@ -122,6 +122,38 @@ fn work_that_fails_exits_with_1_and_says_what_where_and_what_to_do() {
     assert_fails(&chiaro(&["diff", &a, text_file.to_str().unwrap()]), 1, &["text.exr", "EXR", "convert it"]);
 }
 
+/// Traces a scene file of this text.
+fn trace(name: &str, text: &str, flags: &[&str]) -> Output {
+    let (scene, picture) = (scratch(name), scratch(&format!("{name}.exr")));
+    std::fs::create_dir_all(scene.parent().unwrap()).unwrap();
+    std::fs::write(&scene, text).unwrap();
+    let _ = std::fs::remove_file(&picture);
+    let (scene, picture) = (scene.to_str().unwrap(), picture.to_str().unwrap());
+    let output =
+        chiaro(&[&["reference", scene, "-o", picture, "--size", "8x6", "--spp", "1"], flags].concat());
+    assert_eq!(std::fs::exists(picture).unwrap(), output.status.success());
+    output
+}
+
+#[test]
+fn what_is_missing_is_a_warning_and_a_picture_unless_strict() {
+    let square = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nf 1 2 3\n";
+    let output = trace("lone.obj", &format!("mtllib gone.mtl\n{square}"), &[]);
+    assert!(output.status.success() && text(&output.stderr).contains("gone.mtl"), "{}", text(&output.stderr));
+    let output = trace("lone.obj", &format!("mtllib gone.mtl\n{square}"), &["--strict"]);
+    assert_fails(&output, 1, &["lone.obj", "gone.mtl"]);
+}
+
+#[test]
+fn what_draws_nothing_says_so_and_is_a_picture() {
+    let gltf = r#"{"asset": {"version": "2.0"}, "scenes": [{"name": "empty"}]}"#;
+    for (name, content) in [("empty.gltf", gltf), ("points.obj", "v 0 0 0\nv 1 1 1\np 1 2\n")] {
+        let output = trace(name, content, &[]);
+        let error = text(&output.stderr);
+        assert!(output.status.success() && error.contains("draws nothing"), "{error}");
+    }
+}
+
 #[test]
 fn wrong_usage_exits_with_2_and_says_what_is_right() {
     assert_fails(&chiaro(&[]), 2, &["Usage"]);

@@ -116,6 +116,15 @@ fn another_reference_is_not_gone_on_from() {
     assert!(error.contains("scene fingerprint") && error.contains("64x48, now 32x48"), "{error}");
     assert_eq!(std::fs::read(&path).unwrap(), bytes, "the file was touched");
 
+    // The same pixels as a part of a larger picture.
+    let at =
+        bytes.windows(13).position(|w| w == b"displayWindow").unwrap() + b"displayWindow\0box2i\0".len() + 4;
+    let mut part = bytes.clone();
+    part[at + 8] = 100;
+    std::fs::write(&path, part).unwrap();
+    let output = reference(&path, &resumed);
+    assert!(failed(&output).contains("display window"), "{}", text(&output.stderr));
+
     write_exr(&path, &Image::filled(64, 48, [1.0; 3]), Precision::Float).unwrap();
     let output = reference(&path, &resumed);
     assert!(failed(&output).contains("not written by `chiaro reference`"), "{}", text(&output.stderr));

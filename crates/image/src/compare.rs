@@ -47,6 +47,30 @@ pub struct Metrics {
     pub hdr_flip: f64,
 }
 
+/// Drops the pixels that one of the images does not hold.
+fn leave_to_all(keep: &mut [bool], images: &[Option<&Image>]) -> Result<(), ImageError> {
+    let mut any = true;
+    for image in images.iter().flatten() {
+        let ((width, _), held) = (image.size(), image.held());
+        if (held.size[0], held.size[1]) == image.size() {
+            continue;
+        }
+        any = false;
+        for (index, keep) in keep.iter_mut().enumerate() {
+            *keep &= held.contains([index as u32 % width, index as u32 / width]);
+            any |= *keep;
+        }
+    }
+    if any {
+        return Ok(());
+    }
+    let held: Vec<String> = images.iter().flatten().map(|image| image.held().to_string()).collect();
+    Err(ImageError::NoReference {
+        problem: format!("the images are crops that have no pixel in common: {}", held.join("; ")),
+        advice: "compare crops of the same place, and mask less of it".to_owned(),
+    })
+}
+
 /// Two images made ready to be compared.
 #[derive(Debug, Clone)]
 pub struct Comparison {
@@ -64,12 +88,13 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Subtracts, masks and blurs as `options` say. `b` is the reference.
+    /// Subtracts, masks and blurs as `options` say. `b` is the reference. Of crops ([`Image::held`]) the pixels count that
+    /// all of what is compared and subtracted hold; a mask is 0 where it holds none.
     ///
     /// # Errors
-    /// [`ImageError::SizesDiffer`]; [`ImageError::NotFinite`] when B or what is subtracted has NaN or infinity
-    /// outside the mask (in A they are counted instead); [`ImageError::NoReference`] when the mask leaves nothing or
-    /// B is black.
+    /// [`ImageError::SizesDiffer`] and [`ImageError::OriginsDiffer`]; [`ImageError::NotFinite`] when B or what is subtracted has NaN or infinity
+    /// outside the mask (in A they are counted instead); [`ImageError::NoReference`] when the mask leaves nothing, crops
+    /// have no pixel in common or B is black.
     pub fn new(a: &Image, b: &Image, options: &CompareOptions<'_>) -> Result<Self, ImageError> {
         let others = [
             ("A", Some(a)),
@@ -84,11 +109,23 @@ impl Comparison {
                 return Err(ImageError::SizesDiffer { what, size: image.size(), reference: b.size() });
             }
         }
-        let keep: Vec<bool> = match options.mask {
+        for (what, image) in others {
+            if let Some(image) = image
+                && image.origin() != b.origin()
+            {
+                return Err(ImageError::OriginsDiffer {
+                    what,
+                    origin: image.origin(),
+                    reference: b.origin(),
+                });
+            }
+        }
+        let mut keep: Vec<bool> = match options.mask {
             // NaN in a mask masks: what cannot be told to be outside is not measured.
             Some(mask) => mask.pixels().iter().map(|pixel| pixel.iter().all(|value| *value <= 0.0)).collect(),
             None => vec![true; b.pixels().len()],
         };
+        leave_to_all(&mut keep, &[Some(a), Some(b), options.minus_a, options.minus_b])?;
         let trusted = [("B", Some(b)), ("minus-a", options.minus_a), ("minus-b", options.minus_b)];
         for (what, image) in trusted {
             image.map_or(Ok(()), |image| require_finite(what, image, &keep))?;

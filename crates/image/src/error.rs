@@ -71,6 +71,20 @@ pub enum ImageError {
         /// The reference's width and height in pixels.
         reference: (u32, u32),
     },
+    /// Two images that have to match pixel by pixel are of different places.
+    #[error(
+        "places differ: {what} begins at pixel ({}, {}) and the reference (B) at ({}, {}); write both with the same \
+         display window",
+        origin[0], origin[1], reference[0], reference[1]
+    )]
+    OriginsDiffer {
+        /// The image that does not fit: `A`, `the mask`, `minus-a`…
+        what: &'static str,
+        /// Where it begins: [`Image::origin`](crate::Image::origin).
+        origin: [i32; 2],
+        /// Where the reference does.
+        reference: [i32; 2],
+    },
     /// An image that the measurement relies on holds NaN or infinity.
     #[error(
         "{what} has {count} value(s) that are not finite, the first at pixel ({}, {}); \

@@ -1,19 +1,21 @@
 //! OpenEXR in and out.
 //!
 //! A file may hold more than the picture: chiaro reads R, G and B from the first part that has them, and whatever
-//! other channels (variance, sample counts…) stand beside them do no harm; [`crate::read_layers`] reads those.
+//! other channels (variance, sample counts…) stand beside them do no harm; [`crate::read_layers`] reads those. It may
+//! hold less, too: its data window is what it holds, its display window what it is a picture of.
 
 use std::io::Cursor;
 use std::path::Path;
 
 use exr::prelude::{
-    AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image as ExrImage, Layer, LineOrder, MetaData,
-    ReadChannels, ReadLayers, SmallVec, SpecificChannels, Vec2, WritableImage, f16,
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image as ExrImage, IntegerBounds,
+    Layer, LineOrder, MetaData, ReadChannels, ReadLayers, SmallVec, SpecificChannels, Vec2, WritableImage,
+    f16,
 };
 
 use crate::file::write_bytes;
 use crate::linear::MAX_PIXELS;
-use crate::{Image, ImageError};
+use crate::{Image, ImageError, Region};
 
 /// How many bits an EXR spends on a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -91,18 +93,73 @@ pub(crate) type Decoded = ExrImage<SmallVec<[Layer<AnyChannels<FlatSamples>>; 2]
 /// Decodes the bytes of an EXR file's picture; `path` is for messages.
 pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<Image, ImageError> {
     let file = decode_all(path, bytes)?;
-    file.layer_data.iter().find_map(rgb_of_layer).unwrap_or_else(|| {
+    let colours = Colours::of(&file);
+    let found = file.layer_data.iter().find_map(|layer| Some((layer, colours.of_layer(layer)?)));
+    let Some((layer, pixels)) = found else {
         let names: Vec<String> = file
             .layer_data
             .iter()
             .flat_map(|layer| layer.channel_data.list.iter().map(|channel| channel.name.to_string()))
             .collect();
-        Err(ImageError::Invalid {
+        return Err(ImageError::Invalid {
             path: path.to_owned(),
-            problem: format!("no channels R, G and B (or Y); there are: {}", names.join(", ")),
+            problem: format!(
+                "no channels R, G and B (or Y, or Y, RY and BY); there are: {}",
+                names.join(", ")
+            ),
             advice: "rename the channels that hold the picture".to_owned(),
-        })
+        });
+    };
+    shown(&file, layer, &pixels).map_err(|problem| ImageError::Invalid {
+        path: path.to_owned(),
+        problem,
+        advice: "crop its display window, or check whether the file is damaged".to_owned(),
     })
+}
+
+/// Whether a part holds all of the picture that the file shows, and no more.
+pub(crate) fn is_whole(file: &Decoded, layer: &Layer<AnyChannels<FlatSamples>>) -> bool {
+    layer.absolute_bounds() == file.attributes.display_window
+}
+
+/// Pixels that a picture may have for each one that the file holds, and without any question: a few bytes are not to
+/// ask for all memory.
+const MAX_BLANK: u64 = 256;
+const FREE_BLANK: u64 = 1 << 24;
+
+/// What a file's display window shows of the pixels in its data window.
+fn shown(
+    file: &Decoded,
+    layer: &Layer<AnyChannels<FlatSamples>>,
+    pixels: &[[f32; 3]],
+) -> Result<Image, String> {
+    let (data, display) = (layer.absolute_bounds(), file.attributes.display_window);
+    let area = |window: &IntegerBounds| window.size.width() as u64 * window.size.height() as u64;
+    if area(&display) > MAX_PIXELS.min(FREE_BLANK.max(MAX_BLANK * area(&data))) {
+        return Err(format!(
+            "its display window has {}×{} pixels, of which its data window holds {}×{} at most",
+            display.size.width(),
+            display.size.height(),
+            data.size.width(),
+            data.size.height()
+        ));
+    }
+    // First column or row of the picture, that of the data, and how many are in both. Windows reach to ±2³⁰ at most.
+    let span = |data_at: i32, data_size: usize, at: i32, size: usize| {
+        let offset = i64::from(data_at) - i64::from(at);
+        let (start, end) = (offset.max(0), (offset + data_size as i64).min(size as i64));
+        (end > start).then_some((start as u32, (start - offset) as usize, (end - start) as u32))
+    };
+    let x = span(data.position.x(), data.size.width(), display.position.x(), display.size.width());
+    let y = span(data.position.y(), data.size.height(), display.position.y(), display.size.height());
+    let Some(((x, skip_x, width), (y, skip_y, height))) = x.zip(y) else {
+        return Err("its data window lies outside its display window, so that it shows nothing".to_owned());
+    };
+    let rows = pixels.chunks_exact(data.size.width()).skip(skip_y).take(height as usize);
+    let seen = rows.flat_map(|row| &row[skip_x..skip_x + width as usize]).copied().collect();
+    let size = (display.size.width() as u32, display.size.height() as u32);
+    let origin = [display.position.x(), display.position.y()];
+    Ok(Image::part(size, origin, Region { start: [x, y], size: [width, height] }, seen))
 }
 
 /// Decodes everything in the bytes of an EXR file.
@@ -113,9 +170,18 @@ pub(crate) fn decode_all(path: &Path, bytes: &[u8]) -> Result<Decoded, ImageErro
         advice: advice.to_owned(),
     };
     let undecodable = |error: exr::error::Error| {
+        let problem = error.to_string();
+        if problem.contains("sampling") {
+            return invalid(
+                format!(
+                    "it has channels of fewer pixels than the picture ({problem}), as luminance-chroma files do"
+                ),
+                "write it again with the channels R, G and B",
+            );
+        }
         invalid(
-            format!("not a readable EXR: {error}"),
-            "the file is damaged, or of a kind that chiaro does not read (deep or subsampled): write it again",
+            format!("not a readable EXR: {problem}"),
+            "the file is damaged, or of a kind that chiaro does not read (deep): write it again",
         )
     };
     // The header is checked before the decoder allocates what it promises.
@@ -137,15 +203,62 @@ pub(crate) fn decode_all(path: &Path, bytes: &[u8]) -> Result<Decoded, ImageErro
         .map_err(undecodable)
 }
 
-/// The layer's colour, if it has channels R, G and B, or Y.
-fn rgb_of_layer(layer: &Layer<AnyChannels<FlatSamples>>) -> Option<Result<Image, ImageError>> {
-    let named = |name: &str| layer.channel_data.list.iter().find(|channel| channel.name == *name);
-    let grey = || named("Y").map(|y| [y, y, y]);
-    let channels = match (named("R"), named("G"), named("B")) {
-        (Some(r), Some(g), Some(b)) => [r, g, b],
-        _ => grey()?,
+/// How a file's channels become colours.
+struct Colours {
+    /// Luminance of red, green and blue, with the sum 1.
+    weights: [f32; 3],
+}
+
+/// Luminance of Rec. 709's primaries.
+const REC_709: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
+impl Colours {
+    fn of(file: &Decoded) -> Self {
+        let primaries =
+            file.attributes.chromaticities.and_then(|c| luminance([c.red, c.green, c.blue], c.white));
+        Self { weights: primaries.unwrap_or(REC_709) }
+    }
+
+    /// The layer's pixels, if it has channels R, G and B, or Y alone or with RY and BY.
+    fn of_layer(&self, layer: &Layer<AnyChannels<FlatSamples>>) -> Option<Vec<[f32; 3]>> {
+        let named = |name: &str| layer.channel_data.list.iter().find(|channel| channel.name == *name);
+        if let (Some(r), Some(g), Some(b)) = (named("R"), named("G"), named("B")) {
+            return Some(zipped([r, g, b]).collect());
+        }
+        let y = named("Y")?;
+        match (named("RY"), named("BY")) {
+            (None, None) => Some(zipped([y; 3]).collect()),
+            (Some(ry), Some(by)) => Some(zipped([y, ry, by]).map(|ycc| self.rgb(ycc)).collect()),
+            _ => None,
+        }
+    }
+
+    /// From luminance Y and the chroma (R − Y) / Y and (B − Y) / Y.
+    fn rgb(&self, [y, ry, by]: [f32; 3]) -> [f32; 3] {
+        let (r, b) = ((ry + 1.0) * y, (by + 1.0) * y);
+        [r, (y - self.weights[0] * r - self.weights[2] * b) / self.weights[1], b]
+    }
+}
+
+/// The samples of three channels.
+fn zipped(channels: [&AnyChannel<FlatSamples>; 3]) -> impl Iterator<Item = [f32; 3]> {
+    let [a, b, c] = channels.map(|channel| channel.sample_data.values_as_f32());
+    a.zip(b).zip(c).map(|((a, b), c)| [a, b, c])
+}
+
+/// Luminance of primaries that mix to this white in equal parts, by their xy chromaticities.
+fn luminance(primaries: [Vec2<f32>; 3], white: Vec2<f32>) -> Option<[f32; 3]> {
+    let xyz = |Vec2(x, y): Vec2<f32>| [x / y, 1.0, (1.0 - x - y) / y];
+    let determinant = |[a, b, c]: [[f32; 3]; 3]| {
+        a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
     };
-    let [red, green, blue] = channels.map(|channel| channel.sample_data.values_as_f32());
-    let pixels = red.zip(green).zip(blue).map(|((r, g), b)| [r, g, b]).collect();
-    Some(Image::from_pixels(layer.size.width() as u32, layer.size.height() as u32, pixels))
+    // Cramer's rule.
+    let primaries = primaries.map(xyz);
+    let weights = [0, 1, 2].map(|i| {
+        let mut with_white = primaries;
+        with_white[i] = xyz(white);
+        determinant(with_white) / determinant(primaries)
+    });
+    weights.iter().all(|weight| weight.is_normal()).then_some(weights)
 }

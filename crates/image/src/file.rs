@@ -8,12 +8,13 @@ use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
 use crate::colour::linear_from_srgb;
 use crate::linear::MAX_PIXELS;
-use crate::{Image, ImageError, exr_file};
+use crate::{Image, ImageError, exr_file, hdr_file};
 
 /// Reads an EXR, Radiance HDR or PNG file, told apart by their content.
 ///
-/// EXR and HDR values come as they are stored; of an EXR the channels R, G and B (or the grey channel Y) are taken,
-/// from the first part that has them, and further channels ignored. PNG values are taken as sRGB and made linear, 1
+/// Of an EXR the channels R, G and B (or luminance and chroma Y, RY and BY, or the grey channel Y) are taken, from the
+/// first part that has them, and further channels ignored; the image is what its display window shows, black where it
+/// holds no data. HDR values are divided by the header's EXPOSURE and COLORCORR. PNG values are taken as sRGB and made linear, 1
 /// being white; alpha is dropped.
 ///
 /// # Errors
@@ -24,13 +25,13 @@ pub fn read(path: impl AsRef<Path>) -> Result<Image, ImageError> {
     if bytes.starts_with(b"\x76\x2f\x31\x01") {
         exr_file::decode(path, &bytes)
     } else if bytes.starts_with(b"\x89PNG") {
-        let mut image = decode(path, &bytes, ImageFormat::Png)?;
+        let mut image = decode_png(path, &bytes)?;
         for value in image.pixels_mut().iter_mut().flatten() {
             *value = linear_from_srgb(*value as f64) as f32;
         }
         Ok(image)
     } else if bytes.starts_with(b"#?") {
-        decode(path, &bytes, ImageFormat::Hdr)
+        hdr_file::decode(path, &bytes)
     } else {
         Err(ImageError::Invalid {
             path: path.to_owned(),
@@ -41,16 +42,16 @@ pub fn read(path: impl AsRef<Path>) -> Result<Image, ImageError> {
     }
 }
 
-/// Decodes a format of the `image` crate without touching its transfer function.
-fn decode(path: &Path, bytes: &[u8], format: ImageFormat) -> Result<Image, ImageError> {
+/// Decodes a PNG without touching its transfer function.
+fn decode_png(path: &Path, bytes: &[u8]) -> Result<Image, ImageError> {
     let invalid = |problem: String, advice: &str| ImageError::Invalid {
         path: path.to_owned(),
         problem,
         advice: advice.to_owned(),
     };
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
     let mut limits = Limits::default();
-    limits.max_alloc = Some(16 * MAX_PIXELS); // Four f32 a pixel, the largest that PNG and HDR decode to.
+    limits.max_alloc = Some(16 * MAX_PIXELS); // More than PNG decodes to.
     reader.limits(limits);
     let decoded: DynamicImage = reader
         .decode()

@@ -12,7 +12,7 @@ use exr::prelude::{
     WritableImage,
 };
 
-use crate::exr_file::{ENCODING, decode_all};
+use crate::exr_file::{ENCODING, decode_all, is_whole};
 use crate::file::write_bytes;
 use crate::{Image, ImageError};
 
@@ -27,6 +27,7 @@ const ABOUT: &str = "chiaro";
 pub struct Layers {
     width: u32,
     height: u32,
+    is_part: bool,
     channels: BTreeMap<String, Vec<f32>>,
     /// Lines of text by key, such as (`seed`, `7`). A key has no colon; line breaks become spaces in the file.
     pub about: BTreeMap<String, String>,
@@ -41,6 +42,11 @@ impl Layers {
     /// Width and height in pixels.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
+    }
+
+    /// Whether the file showed another picture than the pixels that it held: a crop, or one with a margin.
+    pub fn is_part(&self) -> bool {
+        self.is_part
     }
 
     /// Names of all channels, in alphabetical order.
@@ -141,7 +147,7 @@ pub fn write_layers(path: impl AsRef<Path>, layers: &Layers) -> Result<(), Image
     write_bytes(path, &encoded.into_inner())
 }
 
-/// Reads all channels of the first part of an EXR, and what chiaro wrote about them.
+/// Reads all channels of the first part of an EXR, and what chiaro wrote about them; of a crop the pixels that it holds.
 ///
 /// # Errors
 /// [`ImageError::Read`] when the file cannot be opened, [`ImageError::Invalid`] when it is no EXR or damaged.
@@ -150,7 +156,9 @@ pub fn read_layers(path: impl AsRef<Path>) -> Result<Layers, ImageError> {
     let bytes = fs::read(path).map_err(|source| ImageError::Read { path: path.to_owned(), source })?;
     let file = decode_all(path, &bytes)?;
     let mut layers = Layers::default();
+    let is_part = file.layer_data.first().is_some_and(|layer| !is_whole(&file, layer));
     let Some(layer) = file.layer_data.into_iter().next() else { return Ok(layers) };
+    layers.is_part = is_part;
     (layers.width, layers.height) = (layer.size.width() as u32, layer.size.height() as u32);
     for channel in layer.channel_data.list {
         layers.insert(channel.name.to_string(), channel.sample_data.values_as_f32().collect())?;

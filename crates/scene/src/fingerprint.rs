@@ -43,6 +43,7 @@ impl Scene {
         let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
         let Self {
             name: _,
+            origin_m: _,
             meshes,
             materials,
             textures,

@@ -5,7 +5,7 @@
 //! equal lengths (or are empty where optional), normals are unit length, and the node graph is a forest. Keyframe
 //! times ascend, and every channel has as many values as its interpolation needs.
 
-use glam::{Affine3A, Mat4, Quat, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DVec3, Mat4, Quat, Vec2, Vec3, Vec4};
 
 use crate::Pose;
 
@@ -17,6 +17,9 @@ pub type Id = usize;
 pub struct Scene {
     /// Name for people: the file's stem or the built-in's name.
     pub name: String,
+    /// Where the scene's origin is in the file's coordinates, metres: positions there are positions here plus this.
+    /// Zero unless the file's were too far from its own origin for 32 bits.
+    pub origin_m: DVec3,
     /// Meshes, shared by nodes.
     pub meshes: Vec<Mesh>,
     /// Materials, shared by primitives. Never empty when there is a primitive.

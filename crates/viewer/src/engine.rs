@@ -5,7 +5,7 @@ use chiaro::{Built, Error, Gpu, GpuError, Kit, Plan, Renderer, Settings};
 
 use chiaro::techniques::direct::Permutations;
 
-use crate::stage::{self, Stage};
+use crate::stage::{self, Request, Stage};
 
 /// What turns frames into pictures.
 #[derive(Debug)]
@@ -63,12 +63,12 @@ impl Engine {
     pub fn new(
         gpu: &Gpu,
         settings: Settings,
-        (source, environment): (&str, Option<&str>),
+        request: &Request,
     ) -> Result<(Self, Result<Stage, Error>), Error> {
-        let (renderer, stage) = match stage::read(source, environment) {
+        let (renderer, stage) = match stage::read(request) {
             Ok(scene) => {
                 let (renderer, loaded) = Renderer::with_scene(gpu, settings, &scene)?;
-                (renderer, Ok(Stage::new(source, scene, loaded)))
+                (renderer, Ok(Stage::new(&request.source, scene, loaded)))
             }
             Err(error) => (Renderer::new(gpu, settings)?, Err(error)),
         };

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use chiaro::scene::{self, Pose, Scene};
+use chiaro::scene::{self, LoadOptions, Pose, Scene};
 use chiaro::{Error, Kit, LoadedScene, View};
 
 /// A scene, ready to be rendered.
@@ -24,12 +24,24 @@ pub struct Stage {
     pub pose: Pose,
 }
 
+/// What is to be put on show.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// A path, or `builtin:NAME`.
+    pub source: String,
+    /// A picture of the surroundings.
+    pub environment: Option<String>,
+    /// Nothing may stand in for what is missing: [`LoadOptions::strict`].
+    pub strict: bool,
+}
+
 /// Reads a scene from its file.
 ///
 /// # Errors
 /// When it, or the picture of its surroundings, cannot be read.
-pub fn read(source: &str, environment: Option<&str>) -> Result<Scene, Error> {
-    let mut scene = scene::load(source)?;
+pub fn read(Request { source, environment, strict }: &Request) -> Result<Scene, Error> {
+    let options = LoadOptions { strict: *strict, ..LoadOptions::default() };
+    let mut scene = scene::load_with(source, &options)?;
     if let Some(file) = environment {
         scene.environment = Some(chiaro::environment::load(file, &mut scene.warnings)?);
     }
@@ -42,10 +54,10 @@ impl Stage {
     ///
     /// # Errors
     /// When it cannot be read, or does not fit the adapter.
-    pub fn load(kit: &Kit, source: &str, environment: Option<&str>) -> Result<Self, Error> {
-        let scene = read(source, environment)?;
+    pub fn load(kit: &Kit, request: &Request) -> Result<Self, Error> {
+        let scene = read(request)?;
         let loaded = kit.upload(&scene)?;
-        Ok(Self::new(source, scene, loaded))
+        Ok(Self::new(&request.source, scene, loaded))
     }
 
     /// Names what there is.

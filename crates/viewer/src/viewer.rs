@@ -15,7 +15,7 @@ use crate::panel::{Notices, PanelState};
 use crate::picture::{Picture, Shot, Shows};
 use crate::playback::Playback;
 use crate::reload::ShaderFiles;
-use crate::stage::Stage;
+use crate::stage::{Request, Stage};
 use crate::timings::TimingHistory;
 use crate::truth::{Compare, Truth};
 
@@ -38,6 +38,8 @@ pub struct Options {
     pub scene: String,
     /// A picture of the surroundings that takes the place of the scene's own.
     pub environment: Option<PathBuf>,
+    /// A texture or material library that is missing or broken is an error, not a warning.
+    pub strict: bool,
     /// Settings.
     pub settings: Settings,
     /// Camera.
@@ -55,6 +57,7 @@ impl Default for Options {
         Self {
             scene: format!("builtin:{}", chiaro::scene::builtin::DEFAULT),
             environment: None,
+            strict: false,
             settings: Settings::default(),
             camera: StartCamera::First,
             size: [1280, 800],
@@ -161,6 +164,7 @@ pub struct Viewer {
     pub(crate) notices: Notices,
     source: String,
     environment: Option<String>,
+    strict: bool,
     lost: Option<String>,
     animated: bool,
 }
@@ -189,11 +193,10 @@ fn offer(
 }
 
 /// Compiles the first passes.
-fn start(jobs: &mut Jobs<Report>, gpu: &Gpu, settings: &Settings, scene: &str, environment: Option<&str>) {
-    let (gpu, settings, scene) = (gpu.clone(), settings.clone(), scene.to_owned());
-    let environment = environment.map(str::to_owned);
+fn start(jobs: &mut Jobs<Report>, gpu: &Gpu, settings: &Settings, request: Request) {
+    let (gpu, settings) = (gpu.clone(), settings.clone());
     jobs.start(move || {
-        let started = Engine::new(&gpu, settings, (&scene, environment.as_deref()));
+        let started = Engine::new(&gpu, settings, &request);
         let told = started
             .map(|(engine, stage)| (Box::new(engine), stage.map(Box::new).map_err(|e| e.to_string())))
             .map_err(|e| e.to_string());
@@ -212,7 +215,9 @@ impl Viewer {
         let wake = ctx.clone();
         let truth = Truth::new(gpu, options.truth_samples, move || wake.request_repaint());
         let environment = options.environment.map(|path| path.to_string_lossy().into_owned());
-        start(&mut jobs, gpu, &options.settings, &options.scene, environment.as_deref());
+        let strict = options.strict;
+        let request = Request { source: options.scene.clone(), environment: environment.clone(), strict };
+        start(&mut jobs, gpu, &options.settings, request);
         let mut viewer = Self {
             gpu: gpu.clone(),
             ctx,
@@ -242,6 +247,7 @@ impl Viewer {
             notices: Notices::default(),
             source: options.scene,
             environment,
+            strict,
             lost: None,
             animated: false,
         };
@@ -277,13 +283,18 @@ impl Viewer {
             self.loading = Some(source.to_owned());
             return;
         };
-        let (kit, name, environment) =
-            (engine.renderer.kit().clone(), source.to_owned(), self.environment.clone());
-        self.loading = Some(name.clone());
+        let (kit, request) = (engine.renderer.kit().clone(), self.request(source));
+        self.loading = Some(source.to_owned());
         self.jobs.start(move || {
-            let stage = Stage::load(&kit, &name, environment.as_deref());
+            let stage = Stage::load(&kit, &request);
             Report::Loaded(stage.map(Box::new).map_err(|e| e.to_string()))
         });
+    }
+
+    /// How that scene is loaded.
+    fn request(&self, source: &str) -> Request {
+        let (environment, strict) = (self.environment.clone(), self.strict);
+        Request { source: source.to_owned(), environment, strict }
     }
 
     /// Settings as the panel shows them; they are in force once what they need is compiled.
@@ -368,6 +379,7 @@ impl Viewer {
             scene: self.source.clone(),
             settings: self.wanted.clone(),
             environment: self.environment.as_ref().map(PathBuf::from),
+            strict: self.strict,
             camera: self.view().map_or(StartCamera::First, StartCamera::At),
             truth_samples: self.truth.most_samples(),
             shaders: self.shader_folder.clone(),
@@ -457,8 +469,8 @@ impl Viewer {
                         self.loading = None;
                     } else {
                         self.wanted = Settings::default();
-                        let environment = self.environment.as_deref();
-                        start(&mut self.jobs, &self.gpu, &self.wanted, &self.source, environment);
+                        let request = self.request(&self.source);
+                        start(&mut self.jobs, &self.gpu, &self.wanted, request);
                     }
                 }
                 Report::Loaded(Ok(stage)) => self.incoming = Some(stage),

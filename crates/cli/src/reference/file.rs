@@ -104,6 +104,13 @@ pub fn resume(
     let Some(samples) = file.about.get(SAMPLES).and_then(|text| text.parse().ok()) else {
         bail!("--resume: {} was not written by `chiaro reference`; name another output", path.display());
     };
+    if file.is_part() {
+        bail!(
+            "--resume: {} holds a part of its picture only (its data window is not its display window); without \
+             --resume the render starts anew and replaces the file",
+            path.display()
+        );
+    }
     let mut differences = Vec::new();
     let (width, height) = file.size();
     if [width, height] != size {

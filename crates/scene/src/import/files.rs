@@ -1,8 +1,11 @@
 //! Where the content of scene files comes from: the file system, or memory.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Component, Path, PathBuf};
+
+use super::text;
 
 /// Reads the files that a scene is made of.
 pub trait Files {
@@ -42,17 +45,22 @@ impl Files for Disk {
             match component {
                 Component::Normal(name) if !path.join(name).exists() => {
                     let folder = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
-                    let wanted = name.to_string_lossy().to_lowercase();
+                    let wanted = without_case(name);
                     let names =
                         std::fs::read_dir(folder).ok()?.filter_map(|entry| Some(entry.ok()?.file_name()));
                     // The least, so that the choice does not depend on the file system's order.
-                    path.push(names.filter(|name| name.to_string_lossy().to_lowercase() == wanted).min()?);
+                    path.push(names.filter(|name| without_case(name) == wanted).min()?);
                 }
                 other => path.push(other),
             }
         }
         path.is_file().then_some(path)
     }
+}
+
+/// A name for comparison in any case; bytes that are no UTF-8 are letters as in scene files.
+fn without_case(name: &OsStr) -> String {
+    text::latin1(name.as_encoded_bytes()).to_lowercase()
 }
 
 /// Files in memory, such as those dropped onto a browser's window. `a/./b/../c` and `a/c` are the same path.
@@ -98,8 +106,8 @@ impl Files for Memory {
         if self.files.contains_key(&path) {
             return Some(path);
         }
-        let wanted = path.to_string_lossy().to_lowercase();
-        self.files.keys().find(|known| known.to_string_lossy().to_lowercase() == wanted).cloned()
+        let wanted = without_case(path.as_os_str());
+        self.files.keys().find(|known| without_case(known.as_os_str()) == wanted).cloned()
     }
 }
 

@@ -9,6 +9,7 @@ mod limits;
 mod obj;
 mod reach;
 mod source;
+mod text;
 mod warnings;
 
 #[cfg(test)]
@@ -28,13 +29,17 @@ const MAX_COORDINATE: f32 = 1e12;
 pub struct LoadOptions {
     /// Which of the file's scenes: its name, or its number from 0. `None` is the one that the file says, or its first.
     pub scene: Option<String>,
+    /// Whether a texture or material library that is missing or broken is an error. Else it is a warning that says what
+    /// stands in.
+    pub strict: bool,
     /// How much the file may expand to.
     pub limits: Limits,
 }
 
 /// Loads `builtin:NAME`, a `.gltf`/`.glb` or an `.obj` file.
 ///
-/// Cameras and lights are those of the file, possibly none; see [`Scene::add_default_view`].
+/// Cameras and lights are those of the file, possibly none; see [`Scene::add_default_view`]. Of a file that draws nothing
+/// [`Scene::warnings`] say what was found.
 ///
 /// # Errors
 /// Names the file, the place in it and what to do; see [`SceneError`].

@@ -57,17 +57,20 @@ impl Resource {
         if decoded.is_empty() || decoded.contains('\0') {
             return Err(invalid("the URI is empty or contains a zero byte".to_owned()));
         }
+        let directory = scene.parent().unwrap_or(Path::new(""));
+        // Exporters that forget to percent-encode write names with a literal percent sign.
+        if let Some(found) = [&*decoded, uri].iter().find_map(|name| find_file(files, directory, name)) {
+            return Ok(Self::File(found));
+        }
         let relative = Path::new(&*decoded);
-        if relative.components().any(|c| matches!(c, Component::RootDir | Component::Prefix(_))) {
+        let is_absolute =
+            relative.components().any(|c| matches!(c, Component::RootDir | Component::Prefix(_)));
+        if is_absolute || has_drive(&decoded) {
             return Err(invalid(format!(
                 "`{decoded}` is an absolute path; it must be relative to the scene file"
             )));
         }
-        let directory = scene.parent().unwrap_or(Path::new(""));
-        let path = directory.join(relative);
-        // Exporters that forget to percent-encode write names with a literal percent sign.
-        let literal = directory.join(uri);
-        Ok(Self::File(if !files.exists(&path) && files.exists(&literal) { literal } else { path }))
+        Ok(Self::File(directory.join(relative)))
     }
 
     /// The bytes, read now if they are in a file.
@@ -79,10 +82,40 @@ impl Resource {
     }
 }
 
-/// Whether `uri` starts with a scheme (RFC 3986, section 3.1), such as `https:`.
+/// Finds the file `name` below `directory`: as it is, or else as any system writes it, with backslashes, in the wrong
+/// case, or by a path that made sense on the author's machine only, of which the last part is tried.
+pub(super) fn find_file(files: &dyn Files, directory: &Path, name: &str) -> Option<PathBuf> {
+    find_as_named(files, directory, name).or_else(|| {
+        let name = name.replace('\\', "/");
+        find_as_named(files, directory, Path::new(&name).file_name()?.to_str()?)
+    })
+}
+
+/// The same without the last resort.
+pub(super) fn find_as_named(files: &dyn Files, directory: &Path, name: &str) -> Option<PathBuf> {
+    if name.is_empty() || name.contains('\0') {
+        return None;
+    }
+    let is_relative = |path: &Path| path.is_relative() && !has_drive(name);
+    let exact = directory.join(name);
+    if is_relative(Path::new(name)) && files.exists(&exact) {
+        return Some(exact);
+    }
+    let name = name.replace('\\', "/");
+    let relative = Path::new(&name);
+    is_relative(relative).then(|| files.find(directory, relative)).flatten()
+}
+
+/// Whether a path starts with a drive's letter, as `C:/a.png`.
+fn has_drive(path: &str) -> bool {
+    matches!(path.as_bytes(), [letter, b':', ..] if letter.is_ascii_alphabetic())
+}
+
+/// Whether `uri` starts with a scheme (RFC 3986, section 3.1) such as `https:`; a single letter is a drive.
 fn has_scheme(uri: &str) -> bool {
     uri.split_once(':').is_some_and(|(scheme, _)| {
-        scheme.starts_with(|c: char| c.is_ascii_alphabetic())
+        scheme.len() > 1
+            && scheme.starts_with(|c: char| c.is_ascii_alphabetic())
             && scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
     })
 }
@@ -92,11 +125,17 @@ fn has_scheme(uri: &str) -> bool {
 pub(super) struct Decoder {
     max_pixels: usize,
     pixels_left: usize,
+    is_exhausted: bool,
 }
 
 impl Decoder {
     pub(super) fn new(limits: &Limits) -> Self {
-        Self { max_pixels: limits.pixels, pixels_left: limits.pixels }
+        Self { max_pixels: limits.pixels, pixels_left: limits.pixels, is_exhausted: false }
+    }
+
+    /// Whether an image did not fit into the budget, however well it is.
+    pub(super) fn is_exhausted(&self) -> bool {
+        self.is_exhausted
     }
 
     /// Decodes `bytes`; `name` is for messages, and its extension helps with formats without a signature (TGA).
@@ -128,9 +167,11 @@ impl Decoder {
         if pixels == 0 {
             return Err("the image has no pixels".to_owned());
         }
-        self.pixels_left = self.pixels_left.checked_sub(pixels).ok_or_else(|| {
-            format!("the scene's images have more than {} pixels together", self.max_pixels)
-        })?;
+        let Some(left) = self.pixels_left.checked_sub(pixels) else {
+            self.is_exhausted = true;
+            return Err(format!("the scene's images have more than {} pixels together", self.max_pixels));
+        };
+        self.pixels_left = left;
         DynamicImage::from_decoder(decoder).map_err(|e| e.to_string())
     }
 }

@@ -1,5 +1,7 @@
 //! Collecting what was simplified on the way in.
 
+use crate::SceneError;
+
 /// Most warnings kept; a broken file could cause one for every triangle.
 const MAX_WARNINGS: usize = 64;
 
@@ -8,9 +10,24 @@ const MAX_WARNINGS: usize = 64;
 pub(super) struct Warnings {
     messages: Vec<String>,
     dropped: usize,
+    strict: bool,
 }
 
 impl Warnings {
+    /// With `strict` nothing may stand in for anything.
+    pub(super) fn new(strict: bool) -> Self {
+        Self { strict, ..Self::default() }
+    }
+
+    /// Something that is missing or broken, and what stands in for it; where nothing may, the error itself.
+    pub(super) fn stand_in(&mut self, error: SceneError, instead: &str) -> Result<(), SceneError> {
+        if self.strict {
+            return Err(error);
+        }
+        self.add(format!("{error}; {instead}"));
+        Ok(())
+    }
+
     pub(super) fn add(&mut self, message: impl Into<String>) {
         let message = message.into();
         if self.messages.contains(&message) {

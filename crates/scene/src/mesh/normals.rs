@@ -89,23 +89,29 @@ struct Corner {
 }
 
 /// Smooth normals up to a crease: a corner's normal is the mean, weighted by area and angle, of those triangles around
-/// its position whose own normals differ from its triangle's by at most `crease_rad`.
+/// its point whose own normals differ from its triangle's by at most `crease_rad`.
 ///
-/// The primitives are the parts of one object: they are smoothed across their seams. Normals that are there and finite
-/// stay. `smoothing` has an entry for each triangle of each primitive; one that is missing stands for the angle.
-pub(crate) fn crease(primitives: &mut [Primitive], smoothing: &[Vec<Smoothing>], crease_rad: f32) {
-    let mut meeting: HashMap<[u32; 3], Vec<Corner>> = HashMap::new();
+/// The primitives are smoothed across their seams: `points` has an entry for each vertex of each primitive, equal where
+/// surfaces are joined. Normals that are there and finite stay. `smoothing` has an entry for each triangle of each
+/// primitive; one that is missing stands for the angle.
+pub(crate) fn crease(
+    primitives: &mut [Primitive],
+    points: &[Vec<u32>],
+    smoothing: &[Vec<Smoothing>],
+    crease_rad: f32,
+) {
+    let mut meeting: HashMap<u32, Vec<Corner>> = HashMap::new();
     for (p, primitive) in primitives.iter().enumerate() {
         for triangle in 0..primitive.indices.len() / 3 {
-            let points = corners(primitive, triangle);
-            let area_normal = area_normal(points);
+            let ends = corners(primitive, triangle);
+            let area_normal = area_normal(ends);
             let smoothing = smoothing.get(p).and_then(|triangles| triangles.get(triangle)).copied();
             for k in 0..3 {
                 let at = (p, 3 * triangle + k);
-                let position = primitive.positions[primitive.indices[at.1] as usize];
-                let (to_next, to_last) = (points[(k + 1) % 3] - points[k], points[(k + 2) % 3] - points[k]);
+                let point = points[p][primitive.indices[at.1] as usize];
+                let (to_next, to_last) = (ends[(k + 1) % 3] - ends[k], ends[(k + 2) % 3] - ends[k]);
                 let angle = unit(to_next).zip(unit(to_last)).map_or(0.0, |(a, b)| a.angle_between(b));
-                meeting.entry(bits(position)).or_default().push(Corner {
+                meeting.entry(point).or_default().push(Corner {
                     at,
                     face_normal: unit(area_normal).unwrap_or(Vec3::ZERO),
                     smoothing: smoothing.unwrap_or(Smoothing::ByAngle),

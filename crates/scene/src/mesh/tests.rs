@@ -41,7 +41,7 @@ fn a_star_of_any_size_gets_normals_in_good_time() {
     for count in [8, 100_000] {
         let mut primitive = [disc(count)];
         primitive[0].normals.clear();
-        crease(&mut primitive, &[], 0.7);
+        crease(&mut primitive, &[(0..=count).collect()], &[], 0.7);
         assert!(primitive[0].normals.iter().all(|n| n.abs_diff_eq(Vec3::Z, 1e-4)), "{count} triangles");
     }
 }
@@ -54,7 +54,7 @@ fn normals_lean_to_the_larger_triangle_not_to_the_larger_number() {
     let positions = vec![Vec3::ZERO, Vec3::Y, left, middle, right];
     let mut primitives =
         [Primitive { positions, indices: vec![0, 1, 2, 0, 3, 1, 0, 4, 3], ..Primitive::default() }];
-    crease(&mut primitives, &[], 1.0);
+    crease(&mut primitives, &[(0..5).collect()], &[], 1.0);
     let at_origin = primitives[0].positions.iter().position(|p| *p == Vec3::ZERO).unwrap();
     let slope = (left - Vec3::ZERO).cross(Vec3::NEG_Y).normalize();
     let normal = primitives[0].normals[at_origin];

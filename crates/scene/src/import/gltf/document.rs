@@ -120,8 +120,9 @@ pub(super) fn parse(
     Ok((document, blob))
 }
 
-/// A document that the crate does not parse: of another version, with exotic extensions, which are refused by name, or
-/// with channels that move something else than nodes (KHR_animation_pointer), which are left out.
+/// A document that the crate does not parse: of another version, with exotic extensions, which are refused by name, with
+/// scenes without nodes, or with channels that move something else than nodes (KHR_animation_pointer), which are left
+/// out.
 fn repaired(path: &Path, mut value: Value, warnings: &mut Warnings) -> Result<Option<Root>, SceneError> {
     let text = |value: &Value| value.as_str().map(str::to_owned);
     if let Some(version) = value.pointer("/asset/version").and_then(text) {
@@ -130,6 +131,10 @@ fn repaired(path: &Path, mut value: Value, warnings: &mut Warnings) -> Result<Op
     let required = value.get("extensionsRequired").and_then(Value::as_array).map(Vec::as_slice);
     let required: Vec<String> = required.unwrap_or_default().iter().filter_map(text).collect();
     check_required(path, &required)?;
+    let scenes = value.get_mut("scenes").and_then(Value::as_array_mut);
+    for scene in scenes.into_iter().flatten().filter_map(Value::as_object_mut) {
+        scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+    }
     let animations = value.get_mut("animations").and_then(Value::as_array_mut);
     for (a, animation) in animations.into_iter().flatten().enumerate() {
         let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else { continue };

@@ -116,6 +116,13 @@ impl<'a> Conversion<'_, 'a> {
             double_sided: source.double_sided(),
             ..Material::default()
         };
+        // A factor of 1 is usual where a texture says what glows and what is metal: without it nothing is known to.
+        if source.emissive_texture().is_some() && material.emissive_texture.is_none() {
+            material.emissive = Vec3::ZERO;
+        }
+        if pbr.metallic_roughness_texture().is_some() && material.metallic_roughness_texture.is_none() {
+            material.metallic = 0.0;
+        }
         self.surface_maps(source, &mut material)?;
         self.dielectric(source, &mut material)?;
         self.volume(source, &mut material)?;

@@ -44,7 +44,7 @@ pub(super) fn from_bytes(
     bytes: Vec<u8>,
     options: &LoadOptions,
 ) -> Result<Scene, SceneError> {
-    let mut warnings = Warnings::default();
+    let mut warnings = Warnings::new(options.strict);
     let (document, blob) = document::parse(path, bytes, &mut warnings)?;
     let file = File { path, files, limits: &options.limits, document: &document };
     let buffers = Buffers::read(file, blob)?;
@@ -63,6 +63,17 @@ pub(super) fn from_bytes(
     skin::convert(&mut meshes, &mut nodes, &mut scene, &mut warnings)?;
     animation::convert(&mut meshes, &nodes, &mut scene, &mut warnings)?;
     materials.finish(&mut scene);
+    if scene.triangle_count() == 0 {
+        let meshes = document.nodes().filter(|node| node.mesh().is_some()).count();
+        warnings.add(format!(
+            "it draws nothing: its scene has {} nodes and no triangle; the whole file has {} scenes, {} nodes, {meshes} \
+             of them with a mesh, and {} meshes",
+            scene.nodes.len(),
+            document.scenes().len(),
+            document.nodes().len(),
+            document.meshes().len()
+        ));
+    }
     scene.warnings = warnings.into_messages();
     reach::check(path, &scene)?;
     Ok(scene)

@@ -12,6 +12,10 @@ use super::File;
 use super::buffers::Buffers;
 use crate::{Filter, Id, ImageData, Scene, SceneError, Texture, TextureRef, Wrap};
 
+/// What a texture that is not there leaves.
+const WITHOUT: &str =
+    "the materials' factors stand in, without the glow or metal that the texture was to place";
+
 /// KHR_texture_transform.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Transform {
@@ -64,7 +68,8 @@ pub(super) struct Textures<'a> {
     images: Vec<ImageData>,
     /// Our index by the file's; `None` where the file gives no image that chiaro could read.
     converted: HashMap<usize, Option<Id>>,
-    decoded: HashMap<usize, Id>,
+    /// The same for images, `None` for one that is missing or broken.
+    decoded: HashMap<usize, Option<Id>>,
 }
 
 impl<'a> Textures<'a> {
@@ -127,14 +132,25 @@ impl<'a> Textures<'a> {
             ));
             return Ok(None);
         }
-        let image = if let Some(&known) = self.decoded.get(&source) {
+        let known = if let Some(&known) = self.decoded.get(&source) {
             known
         } else {
-            let image = self.decode(source)?;
-            self.images.push(image);
-            self.decoded.insert(source, self.images.len() - 1);
-            self.images.len() - 1
+            let image = match self.decode(source) {
+                Ok(image) => {
+                    self.images.push(image);
+                    Some(self.images.len() - 1)
+                }
+                // A limit is no fault of the image.
+                Err(error) if self.decoder.is_exhausted() => return Err(error),
+                Err(error) => {
+                    warnings.stand_in(error, WITHOUT)?;
+                    None
+                }
+            };
+            self.decoded.insert(source, image);
+            image
         };
+        let Some(image) = known else { return Ok(None) };
         let sampler = self.file.document.textures().nth(index).map(|texture| texture.sampler());
         let wrap = |mode| match mode {
             WrappingMode::ClampToEdge => Wrap::Clamp,

@@ -6,9 +6,9 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::super::files::Files;
-use super::super::source;
 use super::super::warnings::Warnings;
-use super::map;
+use super::super::{source, text};
+use crate::SceneError;
 
 /// Keywords whose value is a file name with options, and their one spelling here.
 const MAPS: &[(&str, &str)] = &[
@@ -49,39 +49,87 @@ impl Source {
     }
 }
 
-/// All material libraries of one OBJ file, by the materials' names. Of several with one name the last counts.
-pub(super) type Library = HashMap<String, Source>;
+/// All material libraries of one OBJ file. Of several materials with one name the last counts.
+#[derive(Debug, Default)]
+pub(super) struct Library {
+    materials: Vec<Source>,
+    by_name: HashMap<String, usize>,
+}
 
-/// Loads every library that the OBJ file at `path` names; what is missing or malformed becomes a warning.
-pub(super) fn load(files: &dyn Files, path: &Path, named: &[String], warnings: &mut Warnings) -> Library {
+impl Library {
+    /// The material of that name; what may be a comment after it does not count where there is none with it.
+    pub(super) fn get(&self, name: &str) -> Option<&Source> {
+        let index = self.by_name.get(name).or_else(|| self.by_name.get(text::uncommented(name)))?;
+        Some(&self.materials[*index])
+    }
+
+    fn add(&mut self, material: Source) {
+        let index = self.materials.len();
+        self.by_name.entry(text::uncommented(&material.name).to_owned()).or_insert(index);
+        self.by_name.insert(material.name.clone(), index);
+        self.materials.push(material);
+    }
+}
+
+/// What a library that is not there leaves.
+const WITHOUT: &str = "its materials are the default one";
+
+/// Loads every library that the OBJ file at `path` names.
+pub(super) fn load(
+    files: &dyn Files,
+    path: &Path,
+    named: &[String],
+    warnings: &mut Warnings,
+) -> Result<Library, SceneError> {
     let directory = path.parent().unwrap_or(Path::new(""));
-    let mut library = Library::new();
-    let found: Vec<PathBuf> =
-        named.iter().flat_map(|names| find(files, directory, names, warnings)).collect();
-    for file in found {
-        match source::read_file(files, &file) {
-            Ok(bytes) => parse(&mut library, &file, &String::from_utf8_lossy(&bytes), warnings),
-            Err(error) => warnings.add(error.to_string()),
+    let mut library = Library::default();
+    for names in named {
+        for file in find(files, (path, directory), names, warnings)? {
+            let bytes = match source::read_file(files, &file) {
+                Ok(bytes) => bytes,
+                Err(error) => {
+                    warnings.stand_in(error, WITHOUT)?;
+                    continue;
+                }
+            };
+            match text::decode(&bytes) {
+                Ok(text) => parse(&mut library, &file, &text, warnings),
+                Err(problem) => warnings.stand_in(invalid(&file, "text", problem), WITHOUT)?,
+            }
         }
     }
-    library
+    Ok(library)
+}
+
+fn invalid(path: &Path, place: &str, problem: String) -> SceneError {
+    SceneError::Invalid { path: path.to_owned(), place: place.to_owned(), problem }
 }
 
 /// The files that an `mtllib` line names: the line is one name with spaces, or several, whose spaces a backslash
-/// escapes.
-fn find(files: &dyn Files, directory: &Path, names: &str, warnings: &mut Warnings) -> Vec<PathBuf> {
-    if let Some(file) = map::find_file(files, directory, names) {
-        return vec![file];
+/// escapes. A comment may follow.
+fn find(
+    files: &dyn Files,
+    (path, directory): (&Path, &Path),
+    line: &str,
+    warnings: &mut Warnings,
+) -> Result<Vec<PathBuf>, SceneError> {
+    let names = text::uncommented(line);
+    let whole = source::find_as_named(files, directory, line);
+    if let Some(file) = whole.or_else(|| source::find_file(files, directory, names)) {
+        return Ok(vec![file]);
     }
     let mut found = Vec::new();
     for name in names.replace("\\ ", "\0").split_whitespace() {
         let name = name.replace('\0', " ");
-        match map::find_file(files, directory, &name) {
+        match source::find_file(files, directory, &name) {
             Some(file) => found.push(file),
-            None => warnings.add(format!("the material library `{name}` was not found")),
+            None => {
+                let problem = format!("the material library `{name}` was not found");
+                warnings.stand_in(invalid(path, "mtllib", problem), WITHOUT)?;
+            }
         }
     }
-    found
+    Ok(found)
 }
 
 /// Adds the materials of an MTL file.
@@ -95,7 +143,9 @@ fn parse(library: &mut Library, file: &Path, text: &str, warnings: &mut Warnings
         let (keyword, rest) = (keyword.to_ascii_lowercase(), rest.trim());
         let is_new = keyword == "newmtl";
         if is_new {
-            library.extend(material.take().map(|done| (done.name.clone(), done)));
+            if let Some(done) = material.take() {
+                library.add(done);
+            }
             material = (!rest.is_empty()).then(|| Source {
                 name: rest.to_owned(),
                 directory: directory.to_owned(),
@@ -111,7 +161,9 @@ fn parse(library: &mut Library, file: &Path, text: &str, warnings: &mut Warnings
             warnings.add(format!("{name}: line {} was left out: `{line}`", number + 1));
         }
     }
-    library.extend(material.map(|done| (done.name.clone(), done)));
+    if let Some(done) = material {
+        library.add(done);
+    }
 }
 
 /// Sets what a line says; `false` where the keyword is known and the rest is not. Unknown keywords say nothing.

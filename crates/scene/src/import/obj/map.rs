@@ -1,10 +1,11 @@
-//! `map_…` lines: options, and finding the file that they name.
+//! `map_…` lines: options, comments, and the file that they name.
 
 use std::path::{Path, PathBuf};
 
 use glam::{Affine2, Vec2};
 
 use super::super::files::Files;
+use super::super::{source, text};
 
 /// A texture as a material names it.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,22 +76,37 @@ impl Map {
     }
 }
 
-/// Finds the file `name` below `directory`, as written by any system: with backslashes, in the wrong case, or by a
-/// path that made sense on the author's machine only, of which the last part is tried.
-pub(super) fn find_file(files: &dyn Files, directory: &Path, name: &str) -> Option<PathBuf> {
-    if name.is_empty() || name.contains('\0') {
-        return None;
-    }
-    let name = name.replace('\\', "/");
-    let relative = Path::new(&name);
-    let is_relative = !name.contains(':') && relative.is_relative();
-    let as_named = is_relative.then(|| files.find(directory, relative)).flatten();
-    as_named.or_else(|| files.find(directory, Path::new(relative.file_name()?)))
+/// Comments of a line that are tried.
+const MAX_COMMENTS: usize = 8;
+
+/// What a line may mean: with all that may be a comment in it, or up to one; the longest first.
+fn readings(text: &str) -> Vec<Map> {
+    let comments: Vec<usize> = text::comments(text).take(MAX_COMMENTS).collect();
+    let ends = std::iter::once(text.len()).chain(comments.into_iter().rev());
+    ends.map(|end| Map::parse(&text[..end])).collect()
 }
+
+/// The map that a line means, and its file in one of the `directories`: of the line's readings the longest that names a
+/// file, as names may hold what looks like a comment. The error is the name that was not found.
+pub(super) fn find(files: &dyn Files, directories: [&Path; 2], text: &str) -> Result<(Map, PathBuf), String> {
+    let readings = readings(text);
+    let in_any =
+        |map: &Map, find: Find| directories.iter().find_map(|directory| find(files, directory, &map.file));
+    let as_named = readings.iter().find_map(|map| Some((map, in_any(map, source::find_as_named)?)));
+    // Where only a foreign path's last part helps, the shortest: a comment may hold a path, too.
+    let found = as_named
+        .or_else(|| readings.iter().rev().find_map(|map| Some((map, in_any(map, source::find_file)?))));
+    let found = found.map(|(map, file)| (map.clone(), file));
+    found.ok_or_else(|| readings.last().map_or(String::new(), |map| map.file.clone()))
+}
+
+/// A way to find a file below a directory.
+type Find = fn(&dyn Files, &Path, &str) -> Option<PathBuf>;
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Memory;
 
     #[test]
     fn options_may_stand_before_and_after_a_name_with_spaces() {
@@ -98,6 +114,21 @@ mod tests {
         assert_eq!(map.file, "my texture 01.png");
         assert_eq!((map.scale, map.offset), (Vec2::new(2.0, 3.0), Vec2::ZERO));
         assert_eq!((map.clamp, map.bump), (true, 1.5));
+    }
+
+    #[test]
+    fn what_looks_like_a_comment_may_be_part_of_the_name() {
+        let mut files = Memory::default();
+        for name in ["a.png", "b #2.png", "c.png", "other.png"] {
+            files.insert(name, *b"");
+        }
+        let found = |text: &str| find(&files, [Path::new(""); 2], text);
+        let (map, file) = found("-s 2 2 a.png # -s 3 3 other.png").unwrap();
+        assert_eq!((map.scale, file), (Vec2::splat(2.0), PathBuf::from("a.png")));
+        assert_eq!(found("b #2.png # the second").unwrap().1, Path::new("b #2.png"));
+        assert_eq!(found(r"C:\maps\c.png # was D:\other.png").unwrap().1, Path::new("c.png"));
+        assert_eq!(found("d.png # gone").unwrap_err(), "d.png");
+        assert!(found("# nothing").is_err());
     }
 
     #[test]

@@ -22,7 +22,9 @@ use super::super::warnings::Warnings;
 use super::bump;
 use super::library::{Library, Source};
 use super::map::{self, Map};
-use crate::{AlphaMode, Filter, Id, ImageData, Material, Reflection, Scene, Texture, TextureRef, Wrap};
+use crate::{
+    AlphaMode, Filter, Id, ImageData, Material, Reflection, Scene, SceneError, Texture, TextureRef, Wrap,
+};
 
 /// Reflectance of a surface that has no material or no Kd: a light grey.
 const DEFAULT_DIFFUSE: Vec3 = Vec3::splat(0.8);
@@ -32,6 +34,12 @@ const MAX_GLASS_DIFFUSE: f32 = 0.1;
 
 /// Thickness of refracting glass: MTL says none, and any number above 0 says that the object is solid.
 const SOLID_M: f32 = 1.0;
+
+/// What a texture that is not there leaves.
+const WITHOUT: &str = "the material's plain values stand in";
+
+/// A map and its file.
+type Found = (Map, PathBuf);
 
 /// What an image file is read as.
 #[derive(Clone, PartialEq, Eq, Hash)]
@@ -53,6 +61,7 @@ enum Use {
 /// The materials of one OBJ file; those that are used, converted when they first are.
 pub(super) struct Materials<'a> {
     files: &'a dyn Files,
+    path: &'a Path,
     directory: &'a Path,
     library: &'a Library,
     converted: HashMap<Option<&'a str>, Id>,
@@ -68,6 +77,7 @@ impl<'a> Materials<'a> {
     pub(super) fn new(files: &'a dyn Files, limits: &Limits, path: &'a Path, library: &'a Library) -> Self {
         Self {
             files,
+            path,
             directory: path.parent().unwrap_or(Path::new("")),
             library,
             converted: HashMap::new(),
@@ -90,15 +100,15 @@ impl<'a> Materials<'a> {
     }
 
     /// Our index of the library's material of this name; the default one's where it has none.
-    pub(super) fn id(&mut self, name: Option<&str>, warnings: &mut Warnings) -> Id {
+    pub(super) fn id(&mut self, name: Option<&str>, warnings: &mut Warnings) -> Result<Id, SceneError> {
         let library = self.library;
         let source = name.and_then(|name| library.get(name));
         let key = source.map(|source| source.name.as_str());
         if let Some(&known) = self.converted.get(&key) {
-            return known;
+            return Ok(known);
         }
         let material = match source {
-            Some(source) => self.convert(source, warnings),
+            Some(source) => self.convert(source, warnings)?,
             None => Material {
                 base_color: DEFAULT_DIFFUSE.extend(1.0),
                 specular: 0.0,
@@ -108,55 +118,62 @@ impl<'a> Materials<'a> {
         };
         self.done.push(material);
         self.converted.insert(key, self.done.len() - 1);
-        self.done.len() - 1
+        Ok(self.done.len() - 1)
     }
 
-    fn convert(&mut self, source: &Source, warnings: &mut Warnings) -> Material {
+    fn convert(&mut self, source: &Source, warnings: &mut Warnings) -> Result<Material, SceneError> {
         let mut material = Material { name: source.name.clone(), double_sided: true, ..Material::default() };
 
-        self.base_color(source, &mut material, warnings);
+        self.base_color(source, &mut material, warnings)?;
         let (kd, ks) = (material.base_color.truncate(), color(source.specular).unwrap_or(Vec3::ZERO));
         let ks = ks * energy_scale(kd, ks);
         match source.exponent {
             Some(exponent) if exponent > 0.0 && ks.max_element() > 0.0 => {
                 material.reflection = Reflection::Phong { exponent };
                 material.specular_color = ks;
-                material.specular_color_texture = self.color_texture(source.map("map_Ks"), source, warnings);
+                material.specular_color_texture = self.color_texture("map_Ks", source, warnings)?;
             }
             _ => material.specular = 0.0,
         }
-        material.emissive_texture = self.color_texture(source.map("map_Ke"), source, warnings);
+        material.emissive_texture = self.color_texture("map_Ke", source, warnings)?;
         let ke = color(source.emissive).unwrap_or(Vec3::ZERO);
         let is_unset = ke == Vec3::ZERO && material.emissive_texture.is_some();
         material.emissive = if is_unset { Vec3::ONE } else { ke };
 
-        if let Some(normal) = source.map("norm") {
-            let map = Map::parse(normal);
-            material.normal_scale = map.bump;
-            material.normal_texture = self.texture(&map, Use::NormalAsIs, source, warnings).map(|(t, _)| t);
-        } else if let Some(bump) = source.map("bump") {
-            let map = Map::parse(bump);
-            let as_normals = Use::Normal { strength: map.bump.to_bits(), clamp: map.clamp };
-            material.normal_texture = self.texture(&map, as_normals, source, warnings).map(|(t, _)| t);
+        if source.map("norm").is_some() {
+            if let Some(found) = self.find("norm", source, warnings)? {
+                material.normal_scale = found.0.bump;
+                material.normal_texture = self.texture(&found, Use::NormalAsIs, warnings)?.map(|(t, _)| t);
+            }
+        } else if let Some(found) = self.find("bump", source, warnings)? {
+            let as_normals = Use::Normal { strength: found.0.bump.to_bits(), clamp: found.0.clamp };
+            material.normal_texture = self.texture(&found, as_normals, warnings)?.map(|(t, _)| t);
         }
         if matches!(source.illum, Some(4 | 6 | 7 | 9)) {
             glass(source, &mut material, warnings);
         }
-        material
+        Ok(material)
     }
 
     /// Kd, map_Kd, d, Tr and map_d.
-    fn base_color(&mut self, source: &Source, material: &mut Material, warnings: &mut Warnings) {
-        let mask = source.map("map_d").map(Map::parse);
-        let mask_file = mask.as_ref().and_then(|map| self.find(map, source, warnings));
-        let map = source.map("map_Kd").map(Map::parse);
+    fn base_color(
+        &mut self,
+        source: &Source,
+        material: &mut Material,
+        warnings: &mut Warnings,
+    ) -> Result<(), SceneError> {
+        let mask = self.find("map_d", source, warnings)?;
+        let map = self.find("map_Kd", source, warnings)?;
         // Where both are one file, its alpha is meant, if it has one.
-        let is_same = mask.as_ref().zip(map.as_ref()).is_some_and(|(mask, map)| mask.file == map.file);
-        let as_color = mask_file.filter(|_| !is_same).map_or(Use::Color, Use::Masked);
-        let mut texture = map.and_then(|map| self.texture(&map, as_color, source, warnings));
+        let is_other = |mask: &&Found| map.as_ref().is_none_or(|map| map.1 != mask.1);
+        let as_color = mask.as_ref().filter(is_other).map_or(Use::Color, |mask| Use::Masked(mask.1.clone()));
+        let mut texture = match &map {
+            Some(map) => self.texture(map, as_color, warnings)?,
+            None => None,
+        };
         let is_textured = texture.is_some();
-        if let (false, Some(mask)) = (is_textured, mask) {
-            texture = self.texture(&mask, Use::Dissolve, source, warnings);
+        if let (false, Some(mask)) = (is_textured, &mask) {
+            texture = self.texture(mask, Use::Dissolve, warnings)?;
         }
         let kd = color(source.diffuse).unwrap_or(if is_textured { Vec3::ONE } else { DEFAULT_DIFFUSE });
         let kd = if is_textured && kd == Vec3::ZERO { Vec3::ONE } else { kd };
@@ -168,61 +185,74 @@ impl<'a> Materials<'a> {
             Some((_, true)) => AlphaMode::Mask { cutoff: 0.5 },
             _ => AlphaMode::Opaque,
         };
+        Ok(())
     }
 
     fn color_texture(
         &mut self,
-        map: Option<&str>,
+        keyword: &str,
         source: &Source,
         warnings: &mut Warnings,
-    ) -> Option<TextureRef> {
-        let map = Map::parse(map?);
-        self.texture(&map, Use::Color, source, warnings).map(|(texture, _)| texture)
+    ) -> Result<Option<TextureRef>, SceneError> {
+        let Some(found) = self.find(keyword, source, warnings)? else { return Ok(None) };
+        Ok(self.texture(&found, Use::Color, warnings)?.map(|(texture, _)| texture))
     }
 
     /// A texture, and whether its alpha varies.
     fn texture(
         &mut self,
-        map: &Map,
+        (map, file): &Found,
         used_as: Use,
-        source: &Source,
         warnings: &mut Warnings,
-    ) -> Option<(TextureRef, bool)> {
-        let file = self.find(map, source, warnings)?;
-        let key = (file, used_as);
-        let known = self.decoded.get(&key).copied();
-        let (image, has_alpha) = known.unwrap_or_else(|| {
+    ) -> Result<Option<(TextureRef, bool)>, SceneError> {
+        let key = (file.clone(), used_as);
+        let known = if let Some(&known) = self.decoded.get(&key) {
+            known
+        } else {
             let decoded = match self.decode(&key.0, &key.1) {
-                Ok(decoded) => Some(decoded),
+                Ok((image, has_alpha)) => {
+                    self.images.push(image);
+                    Some((self.images.len() - 1, has_alpha))
+                }
                 Err(problem) => {
-                    warnings.add(format!("the texture {} was left out: {problem}", key.0.display()));
+                    let problem = format!("the texture {} cannot be read: {problem}", file.display());
+                    warnings.stand_in(self.invalid("materials", problem), WITHOUT)?;
                     None
                 }
             };
-            let decoded = decoded.map(|(image, has_alpha)| {
-                self.images.push(image);
-                (self.images.len() - 1, has_alpha)
-            });
             self.decoded.insert(key, decoded);
             decoded
-        })?;
+        };
+        let Some((image, has_alpha)) = known else { return Ok(None) };
         let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
         let texture = Texture { image, wrap: [wrap; 2], filter: Filter::Linear };
         let id = self.textures.iter().position(|known| *known == texture).unwrap_or_else(|| {
             self.textures.push(texture);
             self.textures.len() - 1
         });
-        Some((TextureRef { uv_transform: map.uv_transform(), ..TextureRef::new(id) }, has_alpha))
+        Ok(Some((TextureRef { uv_transform: map.uv_transform(), ..TextureRef::new(id) }, has_alpha)))
     }
 
-    /// The texture's file, relative to its material library or else to the OBJ.
-    fn find(&self, map: &Map, source: &Source, warnings: &mut Warnings) -> Option<PathBuf> {
-        let beside_library = map::find_file(self.files, &source.directory, &map.file);
-        let found = beside_library.or_else(|| map::find_file(self.files, self.directory, &map.file));
-        if found.is_none() {
-            warnings.add(format!("the texture `{}` of material `{}` was not found", map.file, source.name));
+    /// The map of a keyword if the material has it: its file is relative to the material library or else to the OBJ.
+    fn find(
+        &self,
+        keyword: &str,
+        source: &Source,
+        warnings: &mut Warnings,
+    ) -> Result<Option<Found>, SceneError> {
+        let Some(text) = source.map(keyword) else { return Ok(None) };
+        match map::find(self.files, [&source.directory, self.directory], text) {
+            Ok(found) => Ok(Some(found)),
+            Err(file) => {
+                let problem = format!("the texture `{file}` was not found");
+                let error = self.invalid(&format!("material `{}`", source.name), problem);
+                warnings.stand_in(error, WITHOUT).map(|()| None)
+            }
         }
-        found
+    }
+
+    fn invalid(&self, place: &str, problem: String) -> SceneError {
+        SceneError::Invalid { path: self.path.to_owned(), place: place.to_owned(), problem }
     }
 
     /// An image, and whether its alpha varies; the error says what is wrong with it.

@@ -9,6 +9,7 @@ mod geometry;
 mod library;
 mod map;
 mod material;
+mod origin;
 mod parse;
 mod polygon;
 
@@ -16,7 +17,7 @@ use std::path::Path;
 
 use super::files::Files;
 use super::warnings::Warnings;
-use super::{LoadOptions, only_scene, reach, scene_name, source};
+use super::{LoadOptions, only_scene, reach, scene_name, source, text};
 use crate::{Node, Scene, SceneError, Transform};
 
 /// Loads an `.obj` file and the material libraries that it names.
@@ -32,16 +33,33 @@ pub(super) fn from_bytes(
     options: &LoadOptions,
 ) -> Result<Scene, SceneError> {
     only_scene(path, options)?;
-    let mut warnings = Warnings::default();
-    let parsed = parse::Parsed::new(path, &String::from_utf8_lossy(bytes), &mut warnings)?;
-    let library = library::load(files, path, &parsed.libraries, &mut warnings);
+    let mut warnings = Warnings::new(options.strict);
+    let text = text::decode(bytes).map_err(|problem| SceneError::Invalid {
+        path: path.to_owned(),
+        place: "text".to_owned(),
+        problem,
+    })?;
+    let mut parsed = parse::Parsed::new(path, &text, &mut warnings)?;
+    let mut scene = Scene { name: scene_name(path), ..Scene::default() };
+    if let Some(origin) = origin::local_origin(&parsed) {
+        parsed.positions.iter_mut().for_each(|position| *position -= origin);
+        scene.origin_m = origin;
+        warnings.add(format!(
+            "its coordinates are too far from the origin for 32 bits: ({}, {}, {}) is the scene's origin, from which \
+             a camera of your own counts, too",
+            origin.x, origin.y, origin.z
+        ));
+    }
+    let library = library::load(files, path, &parsed.libraries, &mut warnings)?;
     for name in &parsed.materials {
-        if !library.contains_key(name) {
-            warnings.add(format!("the material `{name}` is in no material library; the default stands in"));
+        if library.get(name).is_none() {
+            let problem = "it is in no material library".to_owned();
+            let error =
+                SceneError::Invalid { path: path.to_owned(), place: format!("material `{name}`"), problem };
+            warnings.stand_in(error, "the default one stands in")?;
         }
     }
     let mut materials = material::Materials::new(files, &options.limits, path, &library);
-    let mut scene = Scene { name: scene_name(path), ..Scene::default() };
     for mesh in geometry::meshes(path, &options.limits, &parsed, &mut materials, &mut warnings)? {
         let (name, mesh_id) = (mesh.name.clone(), scene.meshes.len());
         scene.meshes.push(mesh);
@@ -53,6 +71,13 @@ pub(super) fn from_bytes(
         });
     }
     materials.finish(&mut scene);
+    if parsed.faces.is_empty() {
+        warnings.add(format!(
+            "it draws nothing: no face of three corners or more, but {} vertices and {} points, lines and lesser faces",
+            parsed.positions.len(),
+            parsed.skipped
+        ));
+    }
     scene.warnings = warnings.into_messages();
     reach::check(path, &scene)?;
     Ok(scene)

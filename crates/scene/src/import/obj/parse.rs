@@ -6,11 +6,12 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::Path;
+use std::str::FromStr;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
-use super::super::MAX_COORDINATE;
 use super::super::warnings::Warnings;
+use super::super::{MAX_COORDINATE, text};
 use super::invalid;
 use crate::SceneError;
 
@@ -41,8 +42,8 @@ pub(super) struct Face {
 #[derive(Debug, Default)]
 pub(super) struct Parsed {
     /// Metres.
-    pub(super) positions: Vec<Vec3>,
-    /// Of each position, where the file has any.
+    pub(super) positions: Vec<DVec3>,
+    /// Of each position, where the file has any: sRGB.
     pub(super) colors: Vec<Option<Vec3>>,
     /// Origin at the bottom left.
     pub(super) uvs: Vec<Vec2>,
@@ -59,7 +60,8 @@ pub(super) struct Parsed {
     group: usize,
     material: Option<usize>,
     smoothing: Option<u32>,
-    skipped_elements: bool,
+    /// Points, lines and faces that are not drawn.
+    pub(super) skipped: usize,
     material_ids: HashMap<String, usize>,
 }
 
@@ -70,15 +72,20 @@ impl Parsed {
         let mut lines = text.lines().enumerate();
         while let Some((number, line)) = lines.next() {
             let mut line = Cow::Borrowed(line);
-            while line.trim_end().ends_with('\\') {
+            // What a comment ends with joins nothing.
+            let is_joined =
+                |part: &str| part.trim_end().ends_with('\\') && text::comments(part).next().is_none();
+            let mut joins = is_joined(&line);
+            while joins {
                 let end = line.trim_end().len() - 1;
                 line.to_mut().truncate(end);
                 let Some((_, next)) = lines.next() else { break };
                 line.to_mut().push_str(next);
+                joins = is_joined(next);
             }
             parsed.line(line.trim(), number + 1).map_err(|problem| invalid(path, number + 1, problem))?;
         }
-        if parsed.skipped_elements {
+        if parsed.skipped > 0 {
             warnings.add("points, lines and faces of fewer than three corners were left out");
         }
         parsed.check_indices(path, warnings)?;
@@ -95,18 +102,18 @@ impl Parsed {
         match keyword {
             "v" => self.position(rest)?,
             "vt" => {
-                let values = numbers(rest)?;
+                let values = numbers::<f32>(rest)?;
                 let &[u, ..] = &values[..] else { return Err("`vt` needs one to three numbers".to_owned()) };
                 self.uvs.push(Vec2::new(u, values.get(1).copied().unwrap_or(0.0)));
             }
             "vn" => {
-                let values = numbers(rest)?;
+                let values = numbers::<f32>(rest)?;
                 let &[x, y, z, ..] = &values[..] else { return Err("`vn` needs three numbers".to_owned()) };
                 let normal = Vec3::new(x, y, z);
                 self.normals.push(if normal == Vec3::ZERO { Vec3::NAN } else { normal });
             }
             "f" | "fo" => self.face(rest, number)?,
-            "l" | "p" => self.skipped_elements = true,
+            "l" | "p" => self.skipped += 1,
             "o" | "g" => {
                 // A group without a face between leaves nothing.
                 let used = self.faces.last().is_some_and(|face| face.group == self.group);
@@ -137,14 +144,14 @@ impl Parsed {
 
     /// `v x y z [w]` or `v x y z r g b`. The weight w belongs to rational curves and is ignored.
     fn position(&mut self, rest: &str) -> Result<(), String> {
-        let values = numbers(rest)?;
+        let values = numbers::<f64>(rest)?;
         let &[x, y, z, ..] = &values[..] else { return Err("`v` needs three numbers".to_owned()) };
-        if [x, y, z].iter().any(|x| x.abs() > MAX_COORDINATE) {
+        if [x, y, z].iter().any(|x| x.abs() > f64::from(MAX_COORDINATE)) {
             return Err(format!("the vertex is farther than {MAX_COORDINATE:e} m from the origin"));
         }
-        self.positions.push(Vec3::new(x, y, z));
+        self.positions.push(DVec3::new(x, y, z));
         self.colors.push(match values[3..] {
-            [r, g, b] => Some(Vec3::new(r, g, b)),
+            [r, g, b] => Some(DVec3::new(r, g, b).as_vec3()),
             _ => None,
         });
         Ok(())
@@ -169,7 +176,7 @@ impl Parsed {
         }
         if self.corners.len() - first < 3 {
             self.corners.truncate(first);
-            self.skipped_elements = true;
+            self.skipped += 1;
         } else {
             let Self { group, material, smoothing, .. } = *self;
             let corners = first..self.corners.len();
@@ -225,11 +232,11 @@ impl Parsed {
 }
 
 /// The finite numbers of a line up to a comment.
-fn numbers(text: &str) -> Result<Vec<f32>, String> {
+fn numbers<T: FromStr + Copy + Into<f64>>(text: &str) -> Result<Vec<T>, String> {
     text.split_whitespace()
         .take_while(|token| !token.starts_with('#'))
-        .map(|token| match token.parse::<f32>() {
-            Ok(number) if number.is_finite() => Ok(number),
+        .map(|token| match token.parse::<T>() {
+            Ok(number) if number.into().is_finite() => Ok(number),
             _ => Err(format!("`{token}` is not a finite number")),
         })
         .collect()

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::gltf::{glb, square_document};
 use super::gltf_bytes as from_bytes;
-use crate::SceneError;
+use crate::{Disk, LoadOptions, SceneError};
 
 /// Loads the square's document after one replacement in its JSON; the result must be an error that names `place`.
 fn assert_refused(from: &str, to: &str, place: &str) {
@@ -159,13 +159,14 @@ fn cameras_and_lights_must_make_sense() {
 }
 
 #[test]
-fn images_must_be_there_and_decode() {
+fn images_must_be_there_and_decode_where_nothing_may_stand_in() {
     let textured = |image: &str| {
         let members = format!(
             r#", "materials": [{{"emissiveTexture": {{"index": 0}}}}], "textures": [{{"source": 0}}], "images": [{{{image}}}]"#
         );
         let bytes = square_document(r#", "TEXCOORD_0": 1"#, r#", "indices": 2, "material": 0"#, &members);
-        from_bytes(Path::new("nowhere/bad.glb"), bytes).unwrap_err()
+        let strict = LoadOptions { strict: true, ..LoadOptions::default() };
+        super::super::gltf::from_bytes(&Disk, Path::new("nowhere/bad.glb"), bytes, &strict).unwrap_err()
     };
     assert!(matches!(textured(r#""uri": "absent.png""#), SceneError::Read { .. }));
     assert!(matches!(textured(r#""uri": "https://example.com/a.png""#), SceneError::Unsupported { .. }));

@@ -9,6 +9,7 @@ mod gltf_malformed;
 mod limits;
 mod obj;
 mod vertices;
+mod writers;
 
 use std::path::Path;
 
@@ -23,6 +24,11 @@ fn gltf_bytes(path: &Path, bytes: Vec<u8>) -> Result<Scene, SceneError> {
 /// Loads OBJ text as if it were the file `path`.
 fn obj_bytes(path: &Path, bytes: &[u8]) -> Result<Scene, SceneError> {
     super::obj::from_bytes(&Disk, path, bytes, &LoadOptions::default())
+}
+
+/// What a scene warns of, but for documents of a test that have nothing to draw.
+fn warnings(scene: &Scene) -> Vec<&str> {
+    scene.warnings.iter().map(String::as_str).filter(|warning| !warning.contains("draws nothing")).collect()
 }
 
 #[test]

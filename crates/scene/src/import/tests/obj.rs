@@ -172,9 +172,9 @@ fn a_dark_or_dissolving_body_that_asks_for_glass_transmits() {
 
 #[test]
 fn vertex_colours_arrive_and_a_fourth_number_is_no_colour() {
-    let scene = load("v 0 0 0 1 0 0.5\nv 1 0 0\nv 0 1 0 0 1 0\nf 1 2 3\n");
+    let scene = load("v 0 0 0 1 0 1\nv 1 0 0\nv 0 1 0 0 1 0\nf 1 2 3\n");
     let colors = &scene.meshes[0].primitives[0].colors;
-    assert_eq!(colors[..2], [Vec4::new(1.0, 0.0, 0.5, 1.0), Vec4::ONE]);
+    assert_eq!(colors[..2], [Vec4::new(1.0, 0.0, 1.0, 1.0), Vec4::ONE]);
     let weighted = load("v 0 0 0 0.5\nv 1 0 0 0.5\nv 0 1 0 0.5\nf 1 2 3\n");
     assert!(weighted.meshes[0].primitives[0].colors.is_empty());
     assert_eq!(weighted.bounds(), Some((Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0))));
