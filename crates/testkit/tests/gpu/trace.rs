@@ -80,7 +80,7 @@ fn shoot_at(
 ) -> Vec<[f32; 4]> {
     let library = shaders::library().with(&[("tests/rays.cs.wesl", include_str!("wesl/rays.cs.wesl"))]);
     let layouts = [&bench.frame_layout, &bench.scene_layout];
-    let constants = [loaded.facts.constants(), traced.facts.constants()].concat();
+    let constants = [&loaded.facts.constants()[..], &traced.facts.constants()].concat();
     let entry = Permutation::plain("tests/rays.cs.wesl");
     let pipeline = ComputePipeline::new(gpu, &library, &entry, &layouts, &constants).unwrap();
     let usage = TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
