@@ -33,7 +33,10 @@ pub enum Command {
 Examples:
   chiaro render builtin:nave --size 1280x720 --samples 16 -o nave.png
   chiaro render room.glb --camera 1 --set shadow.filter=pcss -o room.exr --aov direct --aov normal
-  chiaro render fountain.glb --frames 0..240 --fps 24 -o frames/fountain.png")]
+  chiaro render fountain.glb --frames 0..240 --fps 24 -o frames/fountain.png
+
+An EXR holds scene radiance in nits. Unlit materials (KHR_materials_unlit) have none: a PNG shows base
+colour 1 as white whatever the light and the exposure, and an EXR holds it as 1 nit.")]
     Render(RenderArgs),
     /// Open a window on a scene: fly through it, turn every setting, see buffers and costs
     #[command(after_help = "\

@@ -48,7 +48,7 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     let scenes = (source, scene);
     let mut reference = Reference::new(renderer.kit(), scenes, renderer.settings(), (view, *size), options)?;
     if !first_hits.is_empty() {
-        reference.observe(scene, &first_hits)?;
+        reference.observe(scene.gpu.facts, &first_hits)?;
     }
     let about = file::about(args, &session, &reference);
     if args.resume && args.output.exists() {

@@ -109,7 +109,12 @@ pub fn write(session: &Session, still: Still, path: &Path) -> anyhow::Result<()>
     let samples = still.samples;
     let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
     if is_exr {
-        write_exr(path, &mean(&still.radiance.wait(gpu)?, samples)?, Precision::Float)?;
+        let mut radiance = still.radiance.wait(gpu)?;
+        // An EXR shows the colour of unlit materials, too, as 1 nit for white, as the reference does.
+        if let Some(unlit) = still.unlit {
+            radiance.add_floats(&unlit.wait(gpu)?);
+        }
+        write_exr(path, &mean(&radiance, samples)?, Precision::Float)?;
     } else {
         let picture = still.picture.wait(gpu)?;
         let rgb = picture.bytes.chunks_exact(4).flat_map(|rgba| [rgba[0], rgba[1], rgba[2]]).collect();

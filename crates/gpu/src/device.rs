@@ -176,6 +176,7 @@ impl Gpu {
                 required_limits.max_buffer_size = has.max_buffer_size;
                 required_limits.max_storage_buffer_binding_size = has.max_storage_buffer_binding_size;
                 required_limits.max_texture_dimension_2d = has.max_texture_dimension_2d;
+                required_limits.max_texture_array_layers = has.max_texture_array_layers;
             }
         }
         let mut missing = Vec::new();

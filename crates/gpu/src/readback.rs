@@ -23,6 +23,12 @@ impl Pixels {
     pub fn floats(&self) -> Vec<f32> {
         bytemuck::pod_collect_to_vec(&self.bytes)
     }
+
+    /// Adds the channels of another texture of the same size, both of the same 32-bit float format.
+    pub fn add_floats(&mut self, other: &Self) {
+        let sums = self.floats().into_iter().zip(other.floats()).flat_map(|(a, b)| (a + b).to_ne_bytes());
+        self.bytes = sums.collect();
+    }
 }
 
 /// A copy of a texture on its way to the CPU. Ask [`Readback::poll`] later, or [`Readback::wait`] where blocking is

@@ -2,6 +2,7 @@
 
 use chiaro_gpu::{Buffer, Frame, Texture, wgpu};
 use chiaro_techniques::shadow::{ShadowOutputs, ShadowSettings, ShadowViews};
+use chiaro_techniques::shared::frame::FrameData;
 use chiaro_techniques::surface::{SurfaceBuffer, SurfaceView};
 
 use crate::renderer::Passes;
@@ -10,8 +11,11 @@ use crate::{LoadedScene, Pipeline, Settings};
 /// What a frame leaves behind, valid until the next.
 #[derive(Clone, Debug)]
 pub struct FrameOutputs {
-    /// Rgba16Float, nits · radiance scale.
+    /// Rgba16Float, nits · radiance scale; unlit materials are black.
     pub radiance: Texture,
+    /// Rgba16Float, what unlit materials add to the picture once it is exposed: 1 is the display's white. Only for scenes
+    /// that have such materials.
+    pub unlit: Option<Texture>,
     /// Shadow maps.
     pub shadows: ShadowOutputs,
     /// Lights per froxel.
@@ -28,6 +32,25 @@ pub(crate) struct FrameInputs<'a> {
     /// Stored units; `None` = the environment.
     pub sky: Option<wgpu::Color>,
     pub wants_surface: bool,
+    /// The frame, and the same without light.
+    pub data: [FrameData; 2],
+}
+
+/// Records what `shade` does to one target under the frame's light, and to another for the colour of unlit materials.
+fn shade_both(
+    passes: &Passes,
+    frame: &mut Frame<'_>,
+    [light, dark]: &[FrameData; 2],
+    mut shade: impl FnMut(&mut Frame<'_>, &Texture, bool),
+) -> (Texture, Option<Texture>) {
+    let (radiance, unlit) = (passes.direct.radiance(), passes.direct.unlit());
+    shade(frame, radiance, false);
+    if let Some(unlit) = unlit {
+        frame.upload(&passes.frame_group.frame, &[*dark]);
+        shade(frame, unlit, true);
+        frame.upload(&passes.frame_group.frame, &[*light]);
+    }
+    (radiance.clone(), unlit.cloned())
 }
 
 pub(crate) fn record(
@@ -58,12 +81,14 @@ fn deferred(
         passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, Some(&depth), settings);
     let surface = passes.surfaces.record_resolve(frame, group, scene, &lists);
     let light_grid = passes.direct.record_grid(frame, group);
-    let radiance = passes.direct.record_deferred(frame, group, &surface, &shadows, &light_grid);
-    if let Some(transparency) = passes.transparency.as_ref().filter(|_| scene.see_through()) {
-        let light = (&shadows, &light_grid);
-        transparency.record(frame, (group, scene), &lists, light, &surface.depth, &radiance);
-    }
-    FrameOutputs { radiance, shadows, light_grid, surface: Some(surface) }
+    let light = (&shadows, &light_grid);
+    let (radiance, unlit) = shade_both(passes, frame, &inputs.data, |frame, radiance, _| {
+        passes.direct.record_deferred(frame, group, &surface, light, radiance);
+        if let Some(transparency) = passes.transparency.as_ref().filter(|_| scene.see_through()) {
+            transparency.record(frame, (group, scene), &lists, light, &surface.depth, radiance);
+        }
+    });
+    FrameOutputs { radiance, unlit, shadows, light_grid, surface: Some(surface) }
 }
 
 fn forward(
@@ -85,12 +110,14 @@ fn forward(
         passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, depth.as_ref(), settings);
     let surface = inputs.wants_surface.then(|| passes.surfaces.record_resolve(frame, group, scene, &lists));
     let light_grid = passes.direct.record_grid(frame, group);
-    let radiance =
-        passes.direct.record_forward(frame, (group, scene), &lists, &shadows, &light_grid, inputs.sky);
+    let light = (&shadows, &light_grid);
     let transparency = passes.transparency.as_ref().filter(|_| scene.see_through());
-    if let (Some(transparency), Some(depth)) = (transparency, depth) {
-        let light = (&shadows, &light_grid);
-        transparency.record(frame, (group, scene), &lists, light, &depth, &radiance);
-    }
-    FrameOutputs { radiance, shadows, light_grid, surface }
+    let (radiance, unlit) = shade_both(passes, frame, &inputs.data, |frame, radiance, dark| {
+        let sky = if dark { Some(wgpu::Color::TRANSPARENT) } else { inputs.sky };
+        passes.direct.record_forward(frame, (group, scene), &lists, light, sky, radiance);
+        if let (Some(transparency), Some(depth)) = (transparency, &depth) {
+            transparency.record(frame, (group, scene), &lists, light, depth, radiance);
+        }
+    });
+    FrameOutputs { radiance, unlit, shadows, light_grid, surface }
 }

@@ -284,6 +284,10 @@ impl Renderer {
             environment_turn: [turn.cos(), turn.sin()],
             show_direct,
             show_indirect,
+            show_unlit: 0.0,
+            reserved0: 0,
+            reserved1: 0,
+            reserved2: 0,
             shadow: settings.shadow.parameters(),
         };
         self.previous_clip_from_ws = Some(steady);
@@ -298,7 +302,8 @@ impl Renderer {
         self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
         let (shadow, anisotropy) = (&settings.shadow, settings.surface.anisotropy);
         self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, shadow, anisotropy);
-        self.passes.direct.reserve(&self.kit.gpu, &self.pool, size_px, grid, forward);
+        let kinds = (forward, scene.gpu.unlit);
+        self.passes.direct.reserve(&self.kit.gpu, &self.pool, (size_px, grid), kinds);
         if let Some(transparency) = &mut self.passes.transparency {
             transparency.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px, settings.surface.layers);
         }
@@ -328,6 +333,7 @@ impl Renderer {
             shadow_views: &prepared.shadow_views,
             sky: prepared.sky,
             wants_surface,
+            data: [prepared.data, prepared.data.without_light(prepared.data.show_direct)],
         };
         record(&self.resolved, &mut self.passes, frame, &inputs)
     }

@@ -26,8 +26,10 @@ impl Default for StillOptions {
 /// A still on its way to the CPU.
 #[derive(Debug)]
 pub struct Still {
-    /// Rgba32Float: nits summed over `samples` frames.
+    /// Rgba32Float: nits summed over `samples` frames; unlit materials are black.
     pub radiance: Readback,
+    /// Rgba32Float: the colour of unlit materials summed alike, 1 for the display's white; for scenes that have any.
+    pub unlit: Option<Readback>,
     /// Rgba8Unorm sRGB.
     pub picture: Readback,
     /// Rgba32Float sums, as asked for.
@@ -115,6 +117,7 @@ impl Renderer {
             .then(|| AovPass::new(&gpu, &library, self.frame_layout(), permutations, options.aovs.len()))
             .transpose()?;
         let mut sum = Sum::new(&gpu, &self.pool, size);
+        let mut unlit = scene.gpu.unlit.then(|| Sum::new(&gpu, &self.pool, size));
         let mut aov_sums: Vec<_> = options.aovs.iter().map(|_| Sum::new(&gpu, &self.pool, size)).collect();
         let picture = Display::picture(&gpu, &self.pool, size);
         for index in 0..samples {
@@ -122,6 +125,9 @@ impl Renderer {
             let mut frame = recorder.begin();
             let outputs = self.frame(&mut frame, scene, aov_pass.is_some());
             accumulator.record(&mut frame, &outputs.radiance, 1.0 / scene.radiance_scale, &mut sum);
+            if let (Some(color), Some(unlit)) = (&outputs.unlit, &mut unlit) {
+                accumulator.record(&mut frame, color, 1.0, unlit);
+            }
             if let (Some(pass), Some(surface)) = (&aov_pass, &outputs.surface) {
                 for (number, (aov, aov_sum)) in options.aovs.iter().zip(&mut aov_sums).enumerate() {
                     let inputs = (surface, &outputs.shadows, &outputs.light_grid);
@@ -129,7 +135,7 @@ impl Renderer {
                 }
             }
             if index + 1 == samples {
-                display.record(&mut frame, &self.settings().camera, &sum, &picture);
+                display.record(&mut frame, &self.settings().camera, (&sum, unlit.as_ref()), &picture);
             }
             frame.submit();
             gpu.check()?;
@@ -139,6 +145,7 @@ impl Renderer {
         let aovs = aovs.map(|(aov, sum)| Ok((*aov, Readback::start(&gpu, sum.texture())?)));
         Ok(Still {
             radiance: Readback::start(&gpu, sum.texture())?,
+            unlit: unlit.map(|unlit| Readback::start(&gpu, unlit.texture())).transpose()?,
             picture: Readback::start(&gpu, &picture)?,
             aovs: aovs.collect::<Result<_, Error>>()?,
             samples,

@@ -271,7 +271,7 @@ pub enum Reflection {
         /// The lobe's exponent n, ≥ 0.
         exponent: f32,
     },
-    /// Shows its base colour whatever the light (KHR_materials_unlit).
+    /// Shows its base colour whatever the light and the exposure: 1 is the display's white (KHR_materials_unlit).
     Unlit,
 }
 
@@ -431,10 +431,11 @@ pub enum Wrap {
 /// Texture magnification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Filter {
-    /// Blended, with mipmaps and anisotropy where minified.
+    /// Blended, with mipmaps and anisotropy where minified. Images of up to 65,536 texels, and squares of a power of two,
+    /// keep their texels; others may be resampled.
     #[default]
     Linear,
-    /// Single texels.
+    /// Single texels, as they are in the image.
     Nearest,
 }
 

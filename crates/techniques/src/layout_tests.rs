@@ -66,6 +66,10 @@ fn rust_structs_equal_their_wesl_twins() {
         environment_turn,
         show_direct,
         show_indirect,
+        show_unlit,
+        reserved0,
+        reserved1,
+        reserved2,
         shadow,
     );
     same!(

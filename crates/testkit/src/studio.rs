@@ -59,14 +59,18 @@ impl Studio {
         need(self.renderer.load(scene))
     }
 
-    /// The mean radiance of `samples` frames, nits.
+    /// The mean radiance of `samples` frames, nits, with 1 nit for the white of unlit materials.
     ///
     /// # Panics
     /// When the device fails.
     pub fn radiance(&mut self, scene: &LoadedScene, view: &View, size: [u32; 2], samples: u32) -> Image {
         let options = StillOptions { size, samples, aovs: Vec::new() };
         let still = need(self.renderer.still(scene, view, &options));
-        image(&need(still.radiance.wait(&self.gpu)), samples)
+        let mut sum = need(still.radiance.wait(&self.gpu));
+        if let Some(unlit) = still.unlit {
+            sum.add_floats(&need(unlit.wait(&self.gpu)));
+        }
+        image(&sum, samples)
     }
 
     /// The mean of one quantity over `samples` frames.

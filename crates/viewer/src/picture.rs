@@ -1,6 +1,6 @@
 //! The picture in the window: one frame while something moves, an average of many while everything rests.
 
-use chiaro::techniques::post::{Display, Sum};
+use chiaro::techniques::post::{Display, Sum, Summed};
 use chiaro::{Frame, Gpu, Jitter, Pixels, Readback, Settings, Texture, TexturePool, View};
 use glam::Vec2;
 
@@ -30,6 +30,8 @@ pub struct Picture {
     gpu: Gpu,
     pool: TexturePool,
     textures: Option<(Sum, Texture)>,
+    // The colour of unlit materials, summed beside, for scenes that have any.
+    unlit: Option<Sum>,
     key: Option<Key>,
     // Scratch and picture of the buffer that is shown.
     buffer: Option<(Sum, Texture)>,
@@ -55,6 +57,7 @@ impl Picture {
             gpu: gpu.clone(),
             pool: TexturePool::default(),
             textures: None,
+            unlit: None,
             key: None,
             buffer: None,
             drawn: None,
@@ -108,6 +111,7 @@ impl Picture {
             return false;
         }
         self.textures = None;
+        self.unlit = None;
         self.buffer = None;
         self.drawn = None;
         self.pool.trim();
@@ -193,7 +197,17 @@ impl Picture {
         let buffer = self.buffer.as_mut().filter(|_| shown.place != Place::Off);
         let outputs = renderer.frame(frame, &stage.loaded, buffer.is_some());
         passes.accumulator.record(frame, &outputs.radiance, 1.0 / stage.loaded.radiance_scale, sum);
-        passes.display.record(frame, &renderer.settings().camera, sum, picture);
+        match &outputs.unlit {
+            Some(color) => {
+                let unlit = self.unlit.get_or_insert_with(|| Sum::new(&self.gpu, &self.pool, size_px));
+                if sum.frames() == 1 {
+                    unlit.restart();
+                }
+                passes.accumulator.record(frame, color, 1.0, unlit);
+            }
+            None => self.unlit = None,
+        }
+        passes.display.record(frame, &renderer.settings().camera, (sum, self.unlit.as_ref()), picture);
         self.truth = None;
         if let Some((scratch, picture)) = buffer {
             self.drawn = Some(buffers::draw(frame, engine, stage, &outputs, shown, (scratch, picture)));
@@ -201,16 +215,18 @@ impl Picture {
     }
 
     /// Records the truth into its part of the picture, exposed like the rest, and the frames' own sum where the truth is no
-    /// longer shown. `truth` is nits summed over samples.
-    pub fn show_truth(&mut self, frame: &mut Frame<'_>, engine: &Engine, truth: Option<(&Texture, Shows)>) {
+    /// longer shown.
+    pub fn show_truth(&mut self, frame: &mut Frame<'_>, engine: &Engine, truth: Option<(Summed<'_>, Shows)>) {
         let Some((sum, picture)) = &self.textures else { return };
         let (display, camera) = (&engine.passes.display, &engine.renderer.settings().camera);
         let first = truth.map(|(_, shows)| shows.first_column);
         if self.truth.is_some_and(|before| first.is_none_or(|first| first > before.first_column)) {
-            display.tone_map(frame, camera, (sum.texture(), sum.frames()), 0, picture);
+            let unlit = self.unlit.as_ref().map(Sum::texture);
+            let own = Summed { nits: sum.texture(), frames: sum.frames(), unlit, holds_unlit: false };
+            display.tone_map(frame, camera, &own, 0, picture);
         }
-        if let Some((texture, shows)) = truth {
-            display.tone_map(frame, camera, (texture, shows.samples), shows.first_column, picture);
+        if let Some((traced, shows)) = &truth {
+            display.tone_map(frame, camera, traced, shows.first_column, picture);
         }
         self.truth = truth.map(|(_, shows)| shows);
     }
@@ -220,14 +236,13 @@ impl Picture {
     ///
     /// # Errors
     /// When it is too large to be read.
-    pub fn read(
-        &self,
-        shown: Shown,
-        truth: Option<(&Texture, u32)>,
-    ) -> Option<Result<Shot, chiaro::GpuError>> {
+    pub fn read(&self, shown: Shown, truth: Option<Summed<'_>>) -> Option<Result<Shot, chiaro::GpuError>> {
         let (sum, picture) = self.textures.as_ref()?;
         let truth = truth.filter(|_| self.truth.is_some_and(|shows| shows.first_column == 0));
-        let (radiance, frames) = truth.unwrap_or((sum.texture(), sum.frames()));
+        let unlit = self.unlit.as_ref().map(Sum::texture);
+        let own = Summed { nits: sum.texture(), frames: sum.frames(), unlit, holds_unlit: false };
+        let shown_sum = truth.unwrap_or(own);
+        let unlit = shown_sum.unlit.filter(|_| !shown_sum.holds_unlit);
         let picture = match &self.buffer {
             Some((_, buffer)) if shown.place == Place::Full => buffer,
             _ => picture,
@@ -235,8 +250,9 @@ impl Picture {
         let start = || {
             Ok(Shot {
                 picture: Readback::start(&self.gpu, picture)?,
-                radiance: Readback::start(&self.gpu, radiance)?,
-                frames,
+                radiance: Readback::start(&self.gpu, shown_sum.nits)?,
+                unlit: unlit.map(|unlit| Readback::start(&self.gpu, unlit)).transpose()?,
+                frames: shown_sum.frames,
             })
         };
         Some(start())
@@ -248,6 +264,8 @@ impl Picture {
 pub struct Shot {
     picture: Readback,
     radiance: Readback,
+    // To be added.
+    unlit: Option<Readback>,
     frames: u32,
 }
 
@@ -256,7 +274,7 @@ pub struct Shot {
 pub struct Pair {
     /// 8-bit sRGB.
     pub picture: Pixels,
-    /// Rgba32Float, nits summed over `frames`.
+    /// Rgba32Float, nits summed over `frames`, with 1 nit for the white of unlit materials.
     pub radiance: Pixels,
     /// How many frames were summed.
     pub frames: u32,
@@ -269,7 +287,15 @@ impl Shot {
     /// When the device was lost meanwhile.
     pub fn poll(&self, gpu: &Gpu) -> Result<Option<Pair>, chiaro::GpuError> {
         let (picture, radiance) = (self.picture.poll(gpu)?, self.radiance.poll(gpu)?);
-        let both = picture.zip(radiance);
-        Ok(both.map(|(picture, radiance)| Pair { picture, radiance, frames: self.frames }))
+        let unlit = self.unlit.as_ref().map(|unlit| unlit.poll(gpu)).transpose()?;
+        let all = picture.zip(radiance).filter(|_| unlit.as_ref().is_none_or(Option::is_some));
+        Ok(all
+            .map(|(picture, mut radiance)| {
+                if let Some(colors) = unlit.flatten() {
+                    radiance.add_floats(&colors);
+                }
+                (picture, radiance)
+            })
+            .map(|(picture, radiance)| Pair { picture, radiance, frames: self.frames }))
     }
 }

@@ -5,8 +5,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use chiaro::techniques::environment::EnvironmentSettings;
+use chiaro::techniques::post::Summed;
 use chiaro::techniques::surface::Lighting;
-use chiaro::{BufferReadback, Frame, Gpu, Integrator, Reference, ReferenceOptions, Settings, Texture, View};
+use chiaro::{BufferReadback, FirstHit, Frame, Gpu, Integrator, Reference, ReferenceOptions, Settings, View};
 use web_time::Instant;
 
 use crate::engine::{Engine, caught};
@@ -224,15 +225,17 @@ impl Truth {
         self.building = Some(made);
         let (kit, scene) = (engine.renderer.kit().clone(), stage.scene.clone());
         let facts = stage.loaded.gpu.facts;
-        let pose = stage.loaded.pose().clone();
+        let (pose, unlit) = (stage.loaded.pose().clone(), stage.loaded.gpu.unlit);
         self.jobs.start(move || {
             let tracer = caught(&kit.gpu, || {
                 let options =
                     ReferenceOptions { integrator: Integrator::Full, ..ReferenceOptions::default() };
-                Ok(Box::new(Tracer {
-                    made,
-                    reference: Reference::build(&kit, &scene, (&pose, facts), options)?,
-                }))
+                let mut reference = Reference::build(&kit, &scene, (&pose, facts), options)?;
+                if unlit {
+                    // Which part of the radiance no exposure changes.
+                    reference.observe(facts, &[FirstHit::Unlit])?;
+                }
+                Ok(Box::new(Tracer { made, reference }))
             });
             (made, tracer.map_err(|e| e.to_string()))
         });
@@ -307,16 +310,17 @@ impl Truth {
         }
     }
 
-    /// Nits summed over so many samples; `None` before every pixel has one.
-    pub fn sum(&self) -> Option<(&Texture, u32)> {
+    /// Nits summed over samples; `None` before every pixel has one.
+    pub fn sum(&self) -> Option<Summed<'_>> {
         let tracer = self.tracer.as_ref().filter(|_| self.key.is_some())?;
-        let samples = tracer.reference.samples();
-        (samples > 0).then(|| (tracer.reference.sum_texture(), samples))
+        let (nits, frames) = (tracer.reference.sum_texture(), tracer.reference.samples());
+        let unlit = tracer.reference.observed(FirstHit::Unlit);
+        (frames > 0).then_some(Summed { nits, frames, unlit, holds_unlit: unlit.is_some() })
     }
 
     /// Samples of every pixel.
     pub fn samples(&self) -> u32 {
-        self.sum().map_or(0, |(_, samples)| samples)
+        self.sum().map_or(0, |sum| sum.frames)
     }
 
     /// Mean standard error relative to the mean, when that was last measured.

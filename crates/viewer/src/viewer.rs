@@ -345,7 +345,7 @@ impl Viewer {
 
     /// Samples a pixel of the truth, and its radiance in nits summed over them; `None` before there is one.
     pub fn truth(&self) -> Option<(&chiaro::Texture, u32)> {
-        self.truth.sum()
+        self.truth.sum().map(|sum| (sum.nits, sum.frames))
     }
 
     /// Mean standard error of the truth's pixels relative to its mean, once that was measured.
@@ -683,7 +683,7 @@ impl Viewer {
         let draws = draws && !waits || self.panel.continuous;
         let shows = |truth: &Truth| {
             let first_column = compare.first_column(self.panel.divider, size_px[0])?;
-            Some(Shows { first_column, samples: truth.sum()?.1 })
+            Some(Shows { first_column, samples: truth.sum()?.frames })
         };
         self.animated = draws || refines;
         if !draws && !refines && shows(&self.truth) == self.picture.truth() {
@@ -701,8 +701,7 @@ impl Viewer {
         }
         let shown_truth = shows(&self.truth);
         if shown_truth != self.picture.truth() {
-            let sum = self.truth.sum().map(|(texture, _)| texture);
-            self.picture.show_truth(&mut frame, engine, sum.zip(shown_truth));
+            self.picture.show_truth(&mut frame, engine, self.truth.sum().zip(shown_truth));
         }
         frame.submit();
         if refines {

@@ -174,6 +174,9 @@ impl Reference {
             self.sum.resume(0);
         } else {
             self.sum = PathSum::new(gpu, size_px, self.photons.is_some());
+            for sum in &mut self.observed {
+                *sum = FirstHitSum::new(gpu, size_px, sum.what);
+            }
         }
         Ok(())
     }
@@ -199,14 +202,15 @@ impl Reference {
         self.restart(loaded, settings, image)
     }
 
-    /// Sums up these quantities, too, in layers of the name [`FirstHit::layer`]. To be said before the first sample.
+    /// Sums up these quantities, too, in layers of the name [`FirstHit::layer`]. To be said before the first sample. `facts`
+    /// are those of the scene as uploaded.
     ///
     /// # Errors
     /// When the shader does not compile.
-    pub fn observe(&mut self, loaded: &LoadedScene, wanted: &[FirstHit]) -> Result<(), Error> {
+    pub fn observe(&mut self, facts: SceneFacts, wanted: &[FirstHit]) -> Result<(), Error> {
         let Kit { gpu, library, scene_layout, .. } = &self.kit;
         let frame_layout = FrameGroup::layout_without_shadows(gpu);
-        let facts = (loaded.gpu.facts, self.traced.facts);
+        let facts = (facts, self.traced.facts);
         self.observer = Some(FirstHitTracer::new(gpu, library, (&frame_layout, scene_layout), facts)?);
         let size_px = self.sum.size_px();
         self.observed = wanted.iter().map(|&what| FirstHitSum::new(gpu, size_px, what)).collect();
@@ -338,6 +342,11 @@ impl Reference {
     /// Share of the rows that have more samples than [`Reference::samples`] says, 0..1.
     pub fn under_way(&self) -> f32 {
         self.sum.rows_ahead().0 as f32 / self.sum.size_px()[1] as f32
+    }
+
+    /// What [`Reference::observe`] was asked to sum up.
+    pub fn observed(&self, what: FirstHit) -> Option<&Texture> {
+        self.observed.iter().find(|sum| sum.what == what).map(FirstHitSum::texture)
     }
 
     /// Samples a pixel so far.

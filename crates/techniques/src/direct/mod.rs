@@ -65,6 +65,7 @@ pub struct DirectLight {
 #[derive(Debug)]
 struct Buffers {
     radiance: Texture,
+    unlit: Option<Texture>,
     light_grid: Buffer,
     words: u64,
     multisampled: Option<(Texture, Texture)>,
@@ -137,15 +138,22 @@ impl DirectLight {
         self.permutations
     }
 
-    /// Makes room for a picture size and a light grid. Not inside a frame.
-    pub fn reserve(&mut self, gpu: &Gpu, pool: &TexturePool, size: [u32; 2], grid: [u32; 4], forward: bool) {
+    /// Makes room for a picture size and a light grid, and where materials are unlit for their colour. Not inside a frame.
+    pub fn reserve(
+        &mut self,
+        gpu: &Gpu,
+        pool: &TexturePool,
+        (size, grid): ([u32; 2], [u32; 4]),
+        (forward, unlit): (bool, bool),
+    ) {
         let words = grid.iter().map(|&n| u64::from(n)).product();
         let samples = if forward { self.permutations.msaa } else { 1 };
         let fits = |b: &Buffers| {
             let o = b.radiance.options();
             let has = b.multisampled.as_ref().map_or(1, |(color, _)| color.options().samples);
             let has_depth = b.multisampled.is_some() == forward;
-            [o.width, o.height] == size && b.words >= words && has_depth && (!forward || has == samples)
+            let is_right = [o.width, o.height] == size && b.unlit.is_some() == unlit;
+            is_right && b.words >= words && has_depth && (!forward || has == samples)
         };
         if self.targets.as_ref().is_some_and(fits) {
             return;
@@ -158,6 +166,7 @@ impl DirectLight {
         let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | attachment;
         self.targets = Some(Buffers {
             radiance: lend("radiance", TextureFormat::Rgba16Float, usage, 1),
+            unlit: unlit.then(|| lend("unlit", TextureFormat::Rgba16Float, usage, 1)),
             light_grid: Buffer::new(gpu, "light_grid", Life::Frame, 4 * words, BufferUsages::STORAGE),
             words,
             multisampled: forward.then(|| {
@@ -191,27 +200,41 @@ impl DirectLight {
         targets.light_grid.clone()
     }
 
+    /// Where light is rendered to, Rgba16Float.
+    ///
+    /// # Panics
+    /// When [`DirectLight::reserve`] was not called, as all that records.
+    pub fn radiance(&self) -> &Texture {
+        &self.targets().radiance
+    }
+
+    /// Where the colour of unlit materials is rendered to, Rgba16Float, if there was asked for room.
+    ///
+    /// # Panics
+    /// When [`DirectLight::reserve`] was not called, as all that records.
+    pub fn unlit(&self) -> Option<&Texture> {
+        self.targets().unlit.as_ref()
+    }
+
     /// Deferred: radiance from the surface buffer.
     pub fn record_deferred(
         &self,
         frame: &mut Frame<'_>,
         frame_group: &Group,
         surface: &SurfaceBuffer,
-        shadows: &ShadowOutputs,
-        light_grid: &Buffer,
-    ) -> Texture {
-        let targets = self.targets();
+        (shadows, light_grid): (&ShadowOutputs, &Buffer),
+        radiance: &Texture,
+    ) {
         let mut binds = lighting_binds(shadows, light_grid);
         binds.extend(surface_binds(surface));
-        binds.push(("radiance", (&targets.radiance).into()));
+        binds.push(("radiance", radiance.into()));
         if let Some(emissive) = &surface.emissive {
             binds.push(("emissive", emissive.into()));
         }
-        let options = targets.radiance.options();
+        let options = radiance.options();
         let pipeline = &self.shade[usize::from(surface.emissive.is_some())];
         let threads = Dispatch::Threads([options.width, options.height, 1]);
         frame.compute("direct/shade", pipeline, &[frame_group], &binds, threads);
-        targets.radiance.clone()
     }
 
     /// Forward: radiance from the camera's draw list; `sky` in stored units, `None` draws the environment.
@@ -220,10 +243,10 @@ impl DirectLight {
         frame: &mut Frame<'_>,
         (frame_group, scene): (&Group, &SceneGpu),
         lists: &DrawLists,
-        shadows: &ShadowOutputs,
-        light_grid: &Buffer,
+        (shadows, light_grid): (&ShadowOutputs, &Buffer),
         sky: Option<wgpu::Color>,
-    ) -> Texture {
+        radiance: &Texture,
+    ) {
         let targets = self.targets();
         let Some((color, depth)) = &targets.multisampled else {
             // `reserve` makes them where its `forward` is set, as the forward pipeline does.
@@ -232,10 +255,10 @@ impl DirectLight {
         // One sample needs no resolve: the radiance target is drawn into.
         let single = self.permutations.msaa == 1;
         let attachment = Attachment {
-            texture: if single { &targets.radiance } else { color },
+            texture: if single { radiance } else { color },
             layer: 0,
             clear: Some(sky.unwrap_or(wgpu::Color::TRANSPARENT)),
-            resolve: (!single).then_some(&targets.radiance),
+            resolve: (!single).then_some(radiance),
         };
         let passes = Targets {
             color: &[attachment],
@@ -249,7 +272,6 @@ impl DirectLight {
                 pass.draw(&self.background, shared, &binds, Draw::FullScreen);
             }
         });
-        targets.radiance.clone()
     }
 }
 

@@ -3,6 +3,7 @@
 //! | output | format | unit |
 //! | --- | --- | --- |
 //! | sum | Rgba32Float | nits summed over frames; alpha sums how much of the pixel surfaces cover |
+//! | unlit | Rgba32Float | the colour of unlit materials, summed alike: 1 is the display's white |
 //! | picture | Rgba8Unorm | sRGB code values |
 //!
 //! Exposure is deterministic: a histogram of integer counts, no history.
@@ -162,6 +163,19 @@ impl Accumulator {
     }
 }
 
+/// What a picture is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Summed<'a> {
+    /// Nits summed over frames.
+    pub nits: &'a Texture,
+    /// How many.
+    pub frames: u32,
+    /// The colour of unlit materials summed over as many, 1 for the display's white, where there are any.
+    pub unlit: Option<&'a Texture>,
+    /// Whether `nits` holds that colour, too, at 1 nit for white.
+    pub holds_unlit: bool,
+}
+
 /// Turns a sum into a picture.
 #[derive(Debug)]
 pub struct Display {
@@ -173,6 +187,7 @@ pub struct Display {
     exposure_input: Buffer,
     exposure_value: Buffer,
     curve: Buffer,
+    no_unlit: Texture,
 }
 
 impl Display {
@@ -191,6 +206,12 @@ impl Display {
             exposure_input: uniform::<[u32; 4]>(gpu, "exposure_input"),
             exposure_value: Buffer::new(gpu, "exposure", Life::Kept, 16, storage),
             curve: uniform::<[u32; 4]>(gpu, "tone_map"),
+            no_unlit: Texture::new(
+                gpu,
+                "no unlit",
+                Life::Kept,
+                TextureOptions::new(1, 1, TextureFormat::Rgba32Float, TextureUsages::TEXTURE_BINDING),
+            ),
         })
     }
 
@@ -206,8 +227,15 @@ impl Display {
         pool.lend(gpu, "picture", Life::Kept, options)
     }
 
-    /// Exposes and tone-maps a sum.
-    pub fn record(&self, frame: &mut Frame<'_>, settings: &CameraSettings, sum: &Sum, picture: &Texture) {
+    /// Exposes and tone-maps a sum; the colour of unlit materials, summed over as many frames, is added as it is.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        settings: &CameraSettings,
+        (sum, unlit): (&Sum, Option<&Sum>),
+        picture: &Texture,
+    ) {
+        let unlit = unlit.map(Sum::texture);
         let (automatic, ev) = match settings.exposure_ev100 {
             Exposure::Auto => (1, 0.0f32),
             Exposure::Ev100(ev) => (0, ev),
@@ -218,33 +246,39 @@ impl Display {
         frame.clear(&self.bins);
         let bins = ("histogram", (&self.bins).into());
         let input = ("histogram_input", (&self.histogram_input).into());
-        let binds = [("sum", sum.texture().into()), input, bins];
+        let color = ("unlit", unlit.unwrap_or(&self.no_unlit).into());
+        let binds = [("sum", sum.texture().into()), color, input, bins];
         frame.compute("post/histogram", &self.histogram, &[], &binds, over(sum));
         let exposure = ("exposure", (&self.exposure_value).into());
         let binds = [("exposure_input", (&self.exposure_input).into()), bins, exposure];
         frame.compute("post/exposure", &self.exposure, &[], &binds, Dispatch::Groups([1; 3]));
-        self.tone_map(frame, settings, (sum.texture(), sum.frames), 0, picture);
+        let summed = Summed { nits: sum.texture(), frames: sum.frames, unlit, holds_unlit: false };
+        self.tone_map(frame, settings, &summed, 0, picture);
     }
 
-    /// Tone-maps the columns from `first_column` on of nits summed over `frames`, exposed as [`Display::record`] exposed
+    /// Tone-maps the columns from `first_column` on of a sum, exposed as [`Display::record`] exposed
     /// last.
     pub fn tone_map(
         &self,
         frame: &mut Frame<'_>,
         settings: &CameraSettings,
-        (sum, frames): (&Texture, u32),
+        &Summed { nits, frames, unlit, holds_unlit }: &Summed<'_>,
         first_column: u32,
         picture: &Texture,
     ) {
         let frames = (frames.max(1) as f32).to_bits();
-        frame.upload(&self.curve, &[[settings.tone_map as u32, frames, first_column, 0]]);
+        frame.upload(
+            &self.curve,
+            &[[settings.tone_map as u32, frames, first_column, f32::from(u8::from(holds_unlit)).to_bits()]],
+        );
         let binds = [
             ("tone_map", (&self.curve).into()),
-            ("sum", sum.into()),
+            ("sum", nits.into()),
+            ("unlit", unlit.unwrap_or(&self.no_unlit).into()),
             ("exposure", (&self.exposure_value).into()),
             ("picture", picture.into()),
         ];
-        let options = sum.options();
+        let options = nits.options();
         let columns = options.width.saturating_sub(first_column);
         if columns > 0 {
             let pixels = Dispatch::Threads([columns, options.height, 1]);

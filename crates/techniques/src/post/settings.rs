@@ -67,7 +67,8 @@ impl Value for Exposure {
 }
 
 settings! {
-    /// From radiance to the screen. EXR files are not touched by these, except by `show`.
+    /// From radiance to the screen. EXR files are not touched by these, except by `show`. Neither
+    /// exposure nor curve touch the colour of unlit materials: 1 is white.
     pub struct CameraSettings: "camera" {
         /// Exposure: auto from the picture's histogram, or by hand; +1 halves the brightness. 15 suits a sunny day,
         /// 7 a lit room.

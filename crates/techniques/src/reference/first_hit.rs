@@ -42,11 +42,13 @@ pub enum FirstHit {
     Normal,
     /// Metres along the camera's axis.
     Depth,
+    /// The colour of unlit materials, which the picture's radiance holds as nits; black elsewhere.
+    Unlit,
 }
 
 impl FirstHit {
     /// All.
-    pub const ALL: [Self; 3] = [Self::Albedo, Self::Normal, Self::Depth];
+    pub const ALL: [Self; 4] = [Self::Albedo, Self::Normal, Self::Depth, Self::Unlit];
 
     /// The name of its sum, which is that of `--aov`.
     pub fn layer(self) -> &'static str {
@@ -54,6 +56,7 @@ impl FirstHit {
             Self::Albedo => "albedo",
             Self::Normal => "normal",
             Self::Depth => "depth",
+            Self::Unlit => "unlit",
         }
     }
 }
@@ -105,7 +108,7 @@ impl FirstHitTracer {
         (facts, trees): (SceneFacts, TraceFacts),
     ) -> Result<Self, GpuError> {
         let shared = &[frame_layout, scene_layout];
-        let constants = [facts.constants(), trees.constants()].concat();
+        let constants = [&facts.constants()[..], &trees.constants()].concat();
         let pipeline = ComputePipeline::new(gpu, library, &shaders::first_hit(), shared, &constants)?;
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let uniform =

@@ -36,7 +36,35 @@ pub struct FrameData {
     pub environment_turn: [f32; 2],
     pub show_direct: f32,
     pub show_indirect: f32,
+    pub show_unlit: f32,
+    pub reserved0: u32,
+    pub reserved1: u32,
+    pub reserved2: u32,
     pub shadow: ShadowParameters,
+}
+
+impl FrameData {
+    /// The same view without light, for the colour that unlit materials bring to the picture: stored as it is, 0..1 of the
+    /// display's white, times `weight`.
+    #[must_use]
+    pub fn without_light(&self, weight: f32) -> Self {
+        let [columns, rows, slices, _] = self.grid;
+        Self {
+            directional_lights: 0,
+            local_lights: 0,
+            grid: [columns, rows, slices, 0],
+            ambient: Zeroable::zeroed(),
+            environment: Zeroable::zeroed(),
+            sky: [0.0; 3],
+            radiance_scale: 1.0,
+            environment_nits: 0.0,
+            environment_share: 0.0,
+            show_direct: 0.0,
+            show_indirect: 0.0,
+            show_unlit: weight,
+            ..*self
+        }
+    }
 }
 
 /// What all shadow views share; see `frame.wesl`.

@@ -88,10 +88,15 @@ pub fn one_sided(material: &cs::Material) -> bool {
 
 /// Whether a material shines by itself.
 pub fn glows(material: &cs::Material) -> bool {
-    material.emissive != glam::Vec3::ZERO || material.reflection == cs::Reflection::Unlit
+    material.emissive != glam::Vec3::ZERO
 }
 
-/// Packs a material; texture transforms go to the end of the `geometry` heap.
+/// Whether a material is shown as it is, whatever the light.
+pub fn is_unlit(material: &cs::Material) -> bool {
+    material.reflection == cs::Reflection::Unlit
+}
+
+/// Packs a material; what texture.wesl says of their uses goes to the end of the `geometry` heap.
 pub fn pack(material: &cs::Material, slots: &TextureSlots, geometry: &mut Vec<u32>) -> MaterialData {
     let (kind, roughness) = match material.reflection {
         cs::Reflection::MetallicRoughness => (METALLIC_ROUGHNESS, material.roughness),
@@ -102,11 +107,11 @@ pub fn pack(material: &cs::Material, slots: &TextureSlots, geometry: &mut Vec<u3
     let mut texture = |reference: &Option<cs::TextureRef>, linear: bool| {
         let Some(reference) = reference else { return [0, 0] };
         let Some(slot) = slots.slot(reference.texture, linear) else { return [0, 0] };
-        let mut word = slot | (u32::from(reference.uv_set != 0) << 16) | 1 << 31;
-        let mut offset = 0;
+        let mut word = slot.word | (u32::from(reference.uv_set != 0) << 20) | 1 << 31;
+        let offset = geometry.len() as u32;
+        geometry.extend(slot.exact.into_iter().flatten());
         if reference.uv_transform != glam::Affine2::IDENTITY {
-            word |= 1 << 17;
-            offset = geometry.len() as u32;
+            word |= 1 << 21;
             geometry.extend(reference.uv_transform.to_cols_array().map(f32::to_bits));
         }
         [word, offset]

@@ -17,6 +17,7 @@
 
 pub mod clusters;
 pub mod culling;
+mod exact;
 pub mod material;
 pub mod raster;
 pub mod scene;
@@ -100,8 +101,7 @@ impl Surfaces {
         }];
         let visibility = |class: usize| {
             let masked = class & 2 != 0;
-            let mut constants = materials.to_vec();
-            constants.truncate(if masked { 2 } else { 0 });
+            let mut constants = if masked { materials.to_vec() } else { Vec::new() };
             if indexed {
                 constants.push(("CLASS", class as f64));
             }

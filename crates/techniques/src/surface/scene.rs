@@ -84,6 +84,8 @@ pub struct SceneGpu {
     pub bounds_ws: (Vec3, Vec3),
     /// Whether any material shines by itself.
     pub glows: bool,
+    /// Whether any material is unlit.
+    pub unlit: bool,
     /// What shaders may leave out.
     pub facts: SceneFacts,
     /// Bytes on the GPU.
@@ -97,12 +99,14 @@ pub struct SceneFacts {
     pub textures: u32,
     /// Texture size classes in use.
     pub size_classes: u32,
+    /// Whether any texture keeps its texels.
+    pub exact_textures: bool,
     /// Whether any surface is see-through.
     pub see_through: bool,
 }
 
 impl SceneFacts {
-    fn of(scene: &cs::Scene, size_classes: u32) -> Self {
+    fn of(scene: &cs::Scene, textures: texture::TextureFacts) -> Self {
         let bits = |m: &cs::Material| {
             let uses = [
                 m.base_color_texture.is_some(),
@@ -119,7 +123,8 @@ impl SceneFacts {
         };
         Self {
             textures: scene.materials.iter().fold(0, |all, m| all | bits(m)),
-            size_classes,
+            size_classes: textures.size_classes,
+            exact_textures: textures.exact,
             see_through: scene.materials.iter().any(material::see_through),
         }
     }
@@ -130,13 +135,18 @@ impl SceneFacts {
         Self {
             textures: self.textures | other.textures,
             size_classes: self.size_classes.max(other.size_classes),
+            exact_textures: self.exact_textures | other.exact_textures,
             see_through: self.see_through | other.see_through,
         }
     }
 
     /// Constants of every shader that evaluates materials.
-    pub fn constants(self) -> [(&'static str, f64); 2] {
-        [("TEXTURES", f64::from(self.textures)), ("SIZE_CLASSES", f64::from(self.size_classes.max(1)))]
+    pub fn constants(self) -> [(&'static str, f64); 3] {
+        [
+            ("TEXTURES", f64::from(self.textures)),
+            ("SIZE_CLASSES", f64::from(self.size_classes.max(1))),
+            ("EXACT_TEXTURES", f64::from(u8::from(self.exact_textures))),
+        ]
     }
 }
 
@@ -243,7 +253,7 @@ impl SceneGpu {
         let items: Vec<_> = items.into_iter().map(|(_, item)| item).collect();
         check(gpu, &items, triangles, (4 * heap.words.len() as u64).max(motion.largest_buffer()))?;
 
-        let (arrays, slots, size_classes) = texture::upload(gpu, scene)?;
+        let (arrays, slots, texture_facts) = texture::upload(gpu, scene)?;
         let materials: Vec<_> =
             scene.materials.iter().map(|m| material::pack(m, &slots, &mut heap.words)).collect();
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
@@ -277,7 +287,8 @@ impl SceneGpu {
                 .reduce(motion::union)
                 .unwrap_or_default(),
             glows: scene.materials.iter().any(material::glows),
-            facts: SceneFacts::of(scene, size_classes),
+            unlit: scene.materials.iter().any(material::is_unlit),
+            facts: SceneFacts::of(scene, texture_facts),
             bytes,
         })
     }

@@ -88,8 +88,7 @@ impl Transparency {
         }];
         let peel = |layer: Layer, kind: usize| {
             let masked = kind & 2 != 0;
-            let mut constants = materials.to_vec();
-            constants.truncate(if masked { 2 } else { 0 });
+            let mut constants = if masked { materials.to_vec() } else { Vec::new() };
             if indexed {
                 constants.push(("CLASS", (SEE_THROUGH.start + kind) as f64));
             }

@@ -29,7 +29,7 @@ fn assert_pipelines_agree(name: &str) {
     let deferred = picture(&gpu, name, settings(Pipeline::Deferred, "1"), 16);
     let forward = picture(&gpu, name, settings(Pipeline::Forward, "1"), 16);
     let distance = nmae(&forward, &deferred);
-    // The surface buffer's bits: 10 of √ colour, 8 of roughness, 16 of each normal's coordinates.
+    // The surface buffer's bits: 10 of √ colour, 8 of log roughness, 16 of each normal's coordinates.
     assert!(distance < 0.005, "{name}: {distance}");
     assert!(distance > 0.0, "{name}: the two pipelines cannot be equal to the bit; was one rendered twice?");
 }

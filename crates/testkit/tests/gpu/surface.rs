@@ -7,6 +7,8 @@ use glam::Vec3;
 use crate::culling::Random;
 
 const FLOATS: usize = 20;
+/// As in `brdf.wesl`.
+const MIN_ROUGHNESS: f32 = 0.045;
 
 /// Random unit vectors after those where octahedra fold: axes, diagonals, edges.
 fn unit_vectors(count: usize, random: &mut Random) -> Vec<Vec3> {
@@ -54,7 +56,7 @@ fn a_packed_surface_comes_back_within_its_bits() {
         input.extend(normal.to_array());
         input.extend(geometric.to_array());
         input.extend(std::iter::repeat_with(&mut unit).take(10));
-        input.extend([(i % 3) as f32, (i % 2) as f32, 0.0, 0.0]);
+        input.extend([(i % 3) as f32, 0.0, 0.0, 0.0]);
     }
     let gpu = device();
     let bench = Bench::new(&gpu);
@@ -81,17 +83,53 @@ fn a_packed_surface_comes_back_within_its_bits() {
         for channel in 0..3 {
             let at = 6 + channel;
             assert!((a[at].sqrt() - b[at].sqrt()).abs() < half(1023.0), "colour {i}: {} {}", a[at], b[at]);
-            let steps = [31.0, 63.0, 31.0][channel];
-            let at = 9 + channel;
-            assert!((a[at] - b[at]).abs() < half(steps), "specular colour {i}: {} {}", a[at], b[at]);
         }
-        for at in 12..16 {
-            assert!((a[at] - b[at]).abs() < half(255.0), "quantity {at} of {i}: {} {}", a[at], b[at]);
+        // The strongest channel by its root, the others by their shares of it.
+        let (f0, found) = (vector(a, 9), vector(b, 9));
+        let (most, found_most) = (f0.max_element(), found.max_element());
+        assert!((most.sqrt() - found_most.sqrt()).abs() < half(510.0), "F0 {i}: {f0} {found}");
+        let shares = f0 / most.max(1e-9) - found / found_most.max(1e-9);
+        assert!(most == 0.0 || shares.abs().max_element() < half(31.0), "F0 {i}: {f0} {found}");
+        // By the same share at every roughness, for that is what a highlight's brightness goes by.
+        let (roughness, found) = (a[12].max(MIN_ROUGHNESS), b[12].max(MIN_ROUGHNESS));
+        assert!((found / roughness).ln().abs() < half(254.0 / -MIN_ROUGHNESS.ln()), "{roughness}: {found}");
+        for (at, steps) in [(13, 255.0), (14, 31.0), (15, 255.0)] {
+            assert!((a[at] - b[at]).abs() < half(steps), "quantity {at} of {i}: {} {}", a[at], b[at]);
         }
-        assert_eq!(a[16..18], b[16..18], "kind and flag of {i}");
+        assert_eq!(a[16], b[16], "kind of {i}");
         if i % 3 == 0 {
             assert_eq!(a[6..16], b[6..16], "0 and 1 of {i} are exact");
         }
+    }
+}
+
+#[test]
+fn the_f0_of_usual_materials_is_packed_as_exactly_as_it_shows() {
+    // Glass, no reflection, a diamond, a mirror (ior 0), and a coloured lobe: (F0, the error allowed).
+    let diamond = ((2.417f32 - 1.0) / 3.417).powi(2);
+    let cases = [
+        (Vec3::splat(0.04), 1e-6),
+        (Vec3::ZERO, 0.0),
+        (Vec3::splat(diamond), 0.003 * diamond),
+        (Vec3::ONE, 0.0),
+        (Vec3::new(0.02, 0.04, 0.0), 0.04 * 0.5 / 31.0),
+        (Vec3::new(0.0, 0.0, 0.16), 1e-6),
+    ];
+    let mut input = vec![0.0; FLOATS * cases.len()];
+    for (surface, (f0, _)) in input.chunks_mut(FLOATS).zip(cases) {
+        surface[2] = 1.0;
+        surface[5] = 1.0;
+        surface[9..12].copy_from_slice(&f0.to_array());
+    }
+    let gpu = device();
+    let bench = Bench::new(&gpu);
+    let buffer = bench.buffer("surfaces", &input);
+    let shader = ("tests/surface.cs.wesl", include_str!("wesl/surface.cs.wesl"));
+    let work = (Dispatch::Threads([cases.len() as u32, 1, 1]), input.len());
+    let output: Vec<f32> = bench.run(shader, &[], None, &[("input", (&buffer).into())], work);
+    for (surface, (f0, allowed)) in output.chunks(FLOATS).zip(cases) {
+        let found = Vec3::from_slice(&surface[9..]);
+        assert!((found - f0).abs().max_element() <= allowed, "{f0} became {found}");
     }
 }
 

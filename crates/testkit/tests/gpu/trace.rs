@@ -91,7 +91,7 @@ fn shoot_at(
 fn shooter(gpu: &Gpu, bench: &Bench, loaded: &SceneGpu, facts: TraceFacts) -> ComputePipeline {
     let library = shaders::library().with(&[("tests/rays.cs.wesl", include_str!("wesl/rays.cs.wesl"))]);
     let layouts = [&bench.frame_layout, &bench.scene_layout];
-    let constants = [loaded.facts.constants(), facts.constants()].concat();
+    let constants = [&loaded.facts.constants()[..], &facts.constants()].concat();
     let entry = Permutation::plain("tests/rays.cs.wesl");
     ComputePipeline::new(gpu, &library, &entry, &layouts, &constants).unwrap()
 }

@@ -126,6 +126,10 @@ impl<'a> Conversion<'_, 'a> {
         self.surface_maps(source, &mut material)?;
         self.dielectric(source, &mut material)?;
         self.volume(source, &mut material)?;
+        if material.reflection == Reflection::Unlit {
+            // KHR_materials_unlit: nothing but the base colour counts.
+            (material.emissive, material.emissive_texture) = (Vec3::ZERO, None);
+        }
         Ok(material)
     }
 

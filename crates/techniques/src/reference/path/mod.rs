@@ -173,7 +173,7 @@ impl PathTracer {
         photons: bool,
     ) -> Result<Self, GpuError> {
         let shared = &[frame_layout, scene_layout];
-        let mut constants = [facts.constants(), trees.constants()].concat();
+        let mut constants = [&facts.constants()[..], &trees.constants()].concat();
         constants.push(interfaces.constant());
         let pipeline = ComputePipeline::new(gpu, library, &shaders::path_trace(photons), shared, &constants)?;
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;

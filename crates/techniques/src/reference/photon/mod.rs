@@ -213,7 +213,7 @@ impl PhotonTracer {
         (facts, trees, interfaces): (SceneFacts, TraceFacts, Interfaces),
     ) -> Result<Self, GpuError> {
         let shared = &[frame_layout, scene_layout];
-        let mut constants = [facts.constants(), trees.constants()].concat();
+        let mut constants = [&facts.constants()[..], &trees.constants()].concat();
         constants.push(interfaces.constant());
         let pipeline = ComputePipeline::new(gpu, library, &shaders::photon_trace(), shared, &constants)?;
         Ok(Self { pipeline })

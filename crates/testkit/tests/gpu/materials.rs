@@ -1,0 +1,115 @@
+//! Materials of every kind: forward, deferred and traced alike.
+
+use std::f32::consts::{PI, TAU};
+
+use chiaro::scene::{Material, Mesh, Primitive, Reflection};
+use chiaro::{Pipeline, ReferenceOptions};
+use chiaro_image::Image;
+use chiaro_testkit::{Stage, Studio, camera_above, device, direct, nmae};
+use glam::{Affine3A, Vec3};
+
+use crate::culling::Random;
+use crate::truth::{mean, trace};
+
+const COLUMNS: usize = 8;
+const ROWS: usize = 6;
+const SIDE_PX: usize = 12;
+const SIZE: [u32; 2] = [(COLUMNS * SIDE_PX) as u32, (ROWS * SIDE_PX) as u32];
+
+/// A ball of radius 1 around the origin.
+fn ball(material: usize) -> Mesh {
+    const RINGS: u32 = 24;
+    const SECTORS: u32 = 48;
+    let place = |ring: u32, sector: u32| {
+        let (polar, around) = (PI * ring as f32 / RINGS as f32, TAU * sector as f32 / SECTORS as f32);
+        Vec3::new(polar.sin() * around.cos(), polar.cos(), -polar.sin() * around.sin())
+    };
+    let positions: Vec<_> =
+        (0..=RINGS).flat_map(|ring| (0..=SECTORS).map(move |sector| place(ring, sector))).collect();
+    let quads = (0..RINGS).flat_map(|ring| (0..SECTORS).map(move |sector| ring * (SECTORS + 1) + sector));
+    let indices = quads.flat_map(|a| {
+        let b = a + SECTORS + 1;
+        [a, b, b + 1, a, b + 1, a + 1]
+    });
+    let primitive = Primitive {
+        normals: positions.clone(),
+        positions,
+        indices: indices.collect(),
+        material,
+        ..Primitive::default()
+    };
+    Mesh { primitives: vec![primitive], ..Mesh::default() }
+}
+
+/// One of every kind, by turns.
+fn material(number: usize, random: &mut Random) -> Material {
+    let mut color = |most: f32| Vec3::from([0; 3].map(|_| random.within(0.0, most)));
+    let (base_color, tint, glow) = (color(1.0).extend(1.0), color(4.0), color(0.5));
+    let plain = Material { base_color, roughness: random.within(0.05, 1.0), ..Material::default() };
+    match number % 12 {
+        0 => Material { metallic: 1.0, ..plain },
+        1 => Material { metallic: random.within(0.0, 1.0), ior: random.within(1.0, 3.0), ..plain },
+        2 => Material { ior: random.within(1.0, 3.0), ..plain },
+        3 => Material { ior: 2.417, specular: random.within(0.0, 1.0), ..plain },
+        4 => Material { ior: 0.0, specular_color: tint * 0.25, ..plain },
+        5 => Material { specular_color: tint, ..plain },
+        6 => Material { specular_color: tint, ior: 2.0, specular: random.within(0.0, 1.0), ..plain },
+        7 => {
+            let base_color = (0.5 * base_color.truncate()).extend(1.0);
+            let reflection = Reflection::Phong { exponent: random.within(0.0, 200.0) };
+            Material { reflection, base_color, specular_color: tint * 0.125, ..plain }
+        }
+        8 => Material { emissive: glow, ..plain },
+        9 => Material { transmission: random.within(0.0, 1.0), ior: random.within(1.0, 2.5), ..plain },
+        10 => Material { transmission: 1.0, thickness: 0.5, ior: 2.417, ..plain },
+        _ => plain,
+    }
+}
+
+fn materials_on_balls(seed: u64) -> Stage {
+    let mut stage = Stage::new();
+    let mut random = Random::new(seed);
+    for number in 0..COLUMNS * ROWS {
+        let material = material(number, &mut random);
+        let material = stage.material(material);
+        let x = 2.0 * (number % COLUMNS) as f32 + 1.0 - COLUMNS as f32;
+        let z = 2.0 * (number / COLUMNS) as f32 + 1.0 - ROWS as f32;
+        let at = Affine3A::from_scale_rotation_translation(
+            Vec3::splat(0.9),
+            glam::Quat::IDENTITY,
+            Vec3::new(x, 0.0, z),
+        );
+        stage.place(ball(material), at);
+    }
+    stage.sun(PI, Vec3::new(0.3, -1.0, -0.4));
+    stage
+}
+
+fn assert_alike(what: &str, a: &Image, b: &Image) {
+    let mean = |image: &Image| mean(image, |_, _| true);
+    let (ratio, distance) = (mean(a) / mean(b), nmae(a, b));
+    println!("{what}: mean {ratio:.5}, nmae {distance:.5}");
+    assert!((ratio - 1.0).abs() < 0.003, "{what}: the means differ by {ratio}");
+    assert!(distance <= 0.006, "{what}: {distance}");
+}
+
+#[test]
+fn forward_deferred_and_reference_show_materials_of_every_kind_alike() {
+    let gpu = device();
+    let view = camera_above(ROWS as f32);
+    let unshadowed = [("shadow.layout", "none")];
+    let mut studio = Studio::new(&gpu, direct(&unshadowed));
+    for seed in [1, 2] {
+        let stage = materials_on_balls(seed);
+        let loaded = studio.load(&stage.scene);
+        let mut picture = |pipeline| {
+            studio.set(chiaro::Settings { pipeline, ..direct(&unshadowed) });
+            studio.radiance(&loaded, &view, SIZE, 64)
+        };
+        let (deferred, forward) = (picture(Pipeline::Deferred), picture(Pipeline::Forward));
+        let options = ReferenceOptions { max_depth: 2, ..ReferenceOptions::default() };
+        let truth = trace(&stage.scene, (&view, SIZE), options, &[256]);
+        assert_alike("deferred and forward", &deferred, &forward);
+        assert_alike("deferred and reference", &deferred, &truth);
+    }
+}
