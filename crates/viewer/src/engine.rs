@@ -1,5 +1,6 @@
 //! The renderer with the passes that make its frames visible, and how both are compiled beside the frame.
 
+use chiaro::scene::Source;
 use chiaro::techniques::post::{Accumulator, AovPass, DebugView, Display};
 use chiaro::{Built, Error, Gpu, GpuError, Kit, Plan, Renderer, Settings};
 
@@ -63,7 +64,7 @@ impl Engine {
     pub fn new(
         gpu: &Gpu,
         settings: Settings,
-        (source, environment): (&str, Option<&str>),
+        (source, environment): (&Source, Option<&str>),
     ) -> Result<(Self, Result<Stage, Error>), Error> {
         let (renderer, stage) = match stage::read(source, environment) {
             Ok(scene) => {

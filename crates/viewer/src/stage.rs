@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use chiaro::scene::{self, Pose, Scene};
+use chiaro::scene::{LoadOptions, Pose, Scene, Source};
 use chiaro::{Error, Kit, LoadedScene, View};
 
 /// A scene, ready to be rendered.
 #[derive(Debug)]
 pub struct Stage {
-    /// As it was asked for: a path, or `builtin:NAME`.
-    pub source: String,
+    /// As it was asked for.
+    pub source: Source,
     /// For the title.
     pub name: String,
     /// On the CPU, for poses, cameras and trees.
@@ -28,8 +28,8 @@ pub struct Stage {
 ///
 /// # Errors
 /// When it, or the picture of its surroundings, cannot be read.
-pub fn read(source: &str, environment: Option<&str>) -> Result<Scene, Error> {
-    let mut scene = scene::load(source)?;
+pub fn read(source: &Source, environment: Option<&str>) -> Result<Scene, Error> {
+    let mut scene = source.load(&LoadOptions::default())?;
     if let Some(file) = environment {
         scene.environment = Some(chiaro::environment::load(file, &mut scene.warnings)?);
     }
@@ -42,15 +42,16 @@ impl Stage {
     ///
     /// # Errors
     /// When it cannot be read, or does not fit the adapter.
-    pub fn load(kit: &Kit, source: &str, environment: Option<&str>) -> Result<Self, Error> {
+    pub fn load(kit: &Kit, source: &Source, environment: Option<&str>) -> Result<Self, Error> {
         let scene = read(source, environment)?;
         let loaded = kit.upload(&scene)?;
         Ok(Self::new(source, scene, loaded))
     }
 
     /// Names what there is.
-    pub fn new(source: &str, scene: Scene, loaded: LoadedScene) -> Self {
-        let file = source.strip_prefix("builtin:").unwrap_or(source);
+    pub fn new(source: &Source, scene: Scene, loaded: LoadedScene) -> Self {
+        let file = source.to_string();
+        let file = file.strip_prefix("builtin:").unwrap_or(&file);
         let name = file.rsplit(['/', '\\']).next().unwrap_or(file).to_owned();
         let cameras = scene.placed_cameras();
         let label = |(number, (camera, _)): (usize, &(usize, glam::Mat4))| {
@@ -60,7 +61,7 @@ impl Stage {
         let cameras = cameras.iter().enumerate().map(label).collect();
         let duration_s = scene.duration_s().map(f64::from).filter(|s| *s > 0.0);
         let pose = scene.pose(0.0);
-        Self { source: source.to_owned(), name, cameras, duration_s, pose, loaded, scene: Arc::new(scene) }
+        Self { source: source.clone(), name, cameras, duration_s, pose, loaded, scene: Arc::new(scene) }
     }
 
     /// Moves everything to a moment.

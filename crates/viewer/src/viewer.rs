@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use chiaro::scene::Source;
 use chiaro::{Gpu, GpuError, Library, Recorder, Settings, View, wgpu};
 use egui_wgpu::ScreenDescriptor;
 
@@ -34,8 +35,8 @@ pub enum StartCamera {
 /// What a viewer starts with.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// A scene file, or `builtin:NAME`.
-    pub scene: String,
+    /// What to show.
+    pub scene: Source,
     /// A picture of the surroundings that takes the place of the scene's own.
     pub environment: Option<PathBuf>,
     /// Settings.
@@ -53,7 +54,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            scene: format!("builtin:{}", chiaro::scene::builtin::DEFAULT),
+            scene: format!("builtin:{}", chiaro::scene::builtin::DEFAULT).into(),
             environment: None,
             settings: Settings::default(),
             camera: StartCamera::First,
@@ -138,7 +139,7 @@ pub struct Viewer {
     pub(crate) stage: Option<Stage>,
     // Loaded, but its materials still need passes.
     incoming: Option<Box<Stage>>,
-    pub(crate) loading: Option<String>,
+    pub(crate) loading: Option<Source>,
     pub(crate) building: bool,
     // What the panel shows; in force once everything it needs is compiled.
     pub(crate) wanted: Settings,
@@ -159,7 +160,7 @@ pub struct Viewer {
     pub(crate) timings: TimingHistory,
     pub(crate) panel: PanelState,
     pub(crate) notices: Notices,
-    source: String,
+    source: Source,
     environment: Option<String>,
     lost: Option<String>,
     animated: bool,
@@ -189,8 +190,8 @@ fn offer(
 }
 
 /// Compiles the first passes.
-fn start(jobs: &mut Jobs<Report>, gpu: &Gpu, settings: &Settings, scene: &str, environment: Option<&str>) {
-    let (gpu, settings, scene) = (gpu.clone(), settings.clone(), scene.to_owned());
+fn start(jobs: &mut Jobs<Report>, gpu: &Gpu, settings: &Settings, scene: &Source, environment: Option<&str>) {
+    let (gpu, settings, scene) = (gpu.clone(), settings.clone(), scene.clone());
     let environment = environment.map(str::to_owned);
     jobs.start(move || {
         let started = Engine::new(&gpu, settings, (&scene, environment.as_deref()));
@@ -268,20 +269,20 @@ impl Viewer {
             self.environment = Some(source.to_owned());
             self.load(&self.source.clone());
         } else {
-            self.load(source);
+            self.load(&source.into());
         }
     }
 
-    fn load(&mut self, source: &str) {
+    fn load(&mut self, source: &Source) {
         let Some(engine) = &self.engine else {
-            self.loading = Some(source.to_owned());
+            self.loading = Some(source.clone());
             return;
         };
-        let (kit, name, environment) =
-            (engine.renderer.kit().clone(), source.to_owned(), self.environment.clone());
-        self.loading = Some(name.clone());
+        let (kit, source, environment) =
+            (engine.renderer.kit().clone(), source.clone(), self.environment.clone());
+        self.loading = Some(source.clone());
         self.jobs.start(move || {
-            let stage = Stage::load(&kit, &name, environment.as_deref());
+            let stage = Stage::load(&kit, &source, environment.as_deref());
             Report::Loaded(stage.map(Box::new).map_err(|e| e.to_string()))
         });
     }
