@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
+use chiaro::scene::HeightMap;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::values::{
-    FrameRange, Setting, Size, View, blur_px, frames_per_second, image_output, picture_output, positive,
-    radiance_output, seconds, share, some_seconds,
+    FrameRange, GroundSize, Setting, Size, View, blur_px, frames_per_second, image_output, picture_output,
+    positive, radiance_output, seconds, share, some_seconds, terrain_metres, terrain_vertices,
 };
 
 /// Real-time shadows, indirect light and caustics, measured against path-traced truth
@@ -34,6 +35,7 @@ Examples:
   chiaro render builtin:nave --size 1280x720 --samples 16 -o nave.png
   chiaro render room.glb --camera 1 --set shadow.filter=pcss -o room.exr --aov direct --aov normal
   chiaro render fountain.glb --frames 0..240 --fps 24 -o frames/fountain.png
+  chiaro render --height-map canyon.png --size-m 400,300 --height-m 60 -o canyon.png
 
 An EXR holds scene radiance in nits. Unlit materials (KHR_materials_unlit) have none: a PNG shows base
 colour 1 as white whatever the light and the exposure, and an EXR holds it as 1 nit.")]
@@ -115,6 +117,9 @@ pub struct SceneArgs {
     /// Which scene of a file that holds several, by its number from 0 or by its name [default: the file's own choice]
     #[arg(long = "scene", value_name = "INDEX|NAME")]
     pub scene_in_file: Option<String>,
+    /// Terrain in the scene's place
+    #[command(flatten)]
+    pub terrain: TerrainArgs,
     /// The image's width and height in pixels [default: 1280x720; `bench --suite shadows`: 800x600]
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
@@ -132,6 +137,23 @@ pub struct SceneArgs {
     /// without them
     #[arg(long)]
     pub strict: bool,
+}
+
+/// Terrain from a picture of its heights, under a sun and a clear sky.
+#[derive(Clone, Debug, Args)]
+pub struct TerrainArgs {
+    /// Instead of a scene: terrain from a grey picture of 8 or 16 bits, black at height 0, its top away from the viewer
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "scene_in_file"])]
+    pub height_map: Option<PathBuf>,
+    /// The terrain's extent along X and Z in metres [default: as the picture is shaped, the longer side 100]
+    #[arg(long, value_name = "X,Z", requires = "height_map", allow_hyphen_values = true)]
+    pub size_m: Option<GroundSize>,
+    /// The height of white in metres [default: a tenth of the longer side]
+    #[arg(long, value_name = "H", requires = "height_map", allow_negative_numbers = true, value_parser = terrain_metres)]
+    pub height_m: Option<f32>,
+    /// Vertices along each side of the terrain
+    #[arg(long, value_name = "N", requires = "height_map", default_value_t = HeightMap::DEFAULT_VERTICES, allow_negative_numbers = true, value_parser = terrain_vertices)]
+    pub vertices: usize,
 }
 
 /// How it is rendered.

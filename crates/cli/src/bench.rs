@@ -5,7 +5,7 @@ use chiaro::{Recorder, Settings};
 use serde::Serialize;
 
 use crate::args::{BenchArgs, Suite};
-use crate::output::print;
+use crate::output::{WrongUsage, print};
 use crate::session::Session;
 use crate::suite;
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
@@ -87,7 +87,8 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
         Some(Suite::Shadows) => return suite::shadows::run(args),
         Some(Suite::Reference) => return suite::reference::run(args),
         Some(other) => {
-            bail!("--suite {other:?}: there are no such techniques yet; shadows and reference are there")
+            let others = "there are no such techniques yet; shadows and reference are there";
+            bail!(WrongUsage(format!("--suite {other:?}: {others}")))
         }
     }
     let mut session = Session::open(&args.scene, &args.settings)?;

@@ -36,7 +36,7 @@ fn main() -> ExitCode {
         Ok(Err(error)) if output::is_closed_pipe(&error) => ExitCode::SUCCESS,
         Ok(Err(error)) => {
             eprintln!("error: {}", output::sentence(&error));
-            ExitCode::FAILURE
+            if output::is_wrong_usage(&error) { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
         Err(_) => ExitCode::FAILURE,
     }

@@ -36,3 +36,19 @@ pub fn sentence(error: &anyhow::Error) -> String {
 pub fn is_closed_pipe(error: &anyhow::Error) -> bool {
     error.downcast_ref::<std::io::Error>().is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
 }
+
+/// What the user asked for cannot be asked for: the exit status is 2, as for flags that do not parse.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct WrongUsage(pub String);
+
+/// Whether the command line is to blame, rather than a file, the device or the work.
+pub fn is_wrong_usage(error: &anyhow::Error) -> bool {
+    use chiaro::Error::{Combination, Preset, SettingValue, UnknownSetting};
+    let setting = error.downcast_ref::<chiaro::Error>();
+    error.is::<WrongUsage>()
+        || matches!(
+            setting,
+            Some(UnknownSetting { .. } | SettingValue { .. } | Combination(_) | Preset { .. })
+        )
+}

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::args::RenderArgs;
-use crate::output::print;
+use crate::output::{WrongUsage, print};
 use crate::session::Session;
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
 
@@ -74,10 +74,11 @@ fn report(args: &RenderArgs, session: &Session, recorder: &mut Recorder) -> anyh
 }
 
 fn aov(name: &str) -> anyhow::Result<Aov> {
-    Aov::by_name(name).with_context(|| {
+    let unknown = || {
         let names: Vec<_> = Aov::ALL.iter().map(|(_, name)| *name).collect();
-        format!("--aov {name}: there is none of that name; there are {}", names.join(", "))
-    })
+        WrongUsage(format!("--aov {name}: there is none of that name; there are {}", names.join(", ")))
+    };
+    Ok(Aov::by_name(name).ok_or_else(unknown)?)
 }
 
 fn progress(steps: u64) -> ProgressBar {

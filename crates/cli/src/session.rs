@@ -1,7 +1,7 @@
 //! What `render` and `bench` share: a device, settings, a scene and a camera, from the same flags.
 
 use anyhow::{Context, bail};
-use chiaro::scene::{LoadOptions, Pose, Scene};
+use chiaro::scene::{HeightMap, LoadOptions, Pose, Scene, Source};
 use chiaro::{Gpu, GpuOptions, Kit, LoadedScene, Pipeline, Renderer, Settings, View, scene};
 
 use crate::args::{self, SceneArgs, SettingsArgs};
@@ -88,13 +88,13 @@ impl<R> Session<R> {
         load: fn(&Gpu, Settings, &Scene) -> anyhow::Result<(R, LoadedScene)>,
     ) -> anyhow::Result<Self> {
         let settings = settings(settings_args)?;
-        let name = scene_name(scene_args);
+        let source = source(scene_args);
         let options = LoadOptions {
             scene: scene_args.scene_in_file.clone(),
             strict: scene_args.strict,
             ..LoadOptions::default()
         };
-        let mut scene = scene::load_with(&name, &options)?;
+        let mut scene = source.load(&options)?;
         if let Some(path) = &scene_args.environment {
             scene.environment = Some(chiaro::environment::load(path, &mut scene.warnings)?);
         }
@@ -112,7 +112,16 @@ impl<R> Session<R> {
         }
         let (renderer, loaded) = load(&gpu, settings, &scene)?;
         let view = see(&scene, &scene.pose(0.0), eye)?;
-        Ok(Self { gpu, renderer, scene: loaded, scene_name: name, view, size, source: scene, eye })
+        Ok(Self {
+            gpu,
+            renderer,
+            scene: loaded,
+            scene_name: source.to_string(),
+            view,
+            size,
+            source: scene,
+            eye,
+        })
     }
 
     /// Seconds until everything that moves has done so once; `None` when nothing does.
@@ -130,8 +139,17 @@ impl<R> Session<R> {
 }
 
 /// The scene that is asked for, or the default.
-pub fn scene_name(args: &SceneArgs) -> String {
-    args.scene.clone().unwrap_or_else(|| format!("builtin:{}", scene::builtin::DEFAULT))
+pub fn source(args: &SceneArgs) -> Source {
+    let Some(image) = &args.terrain.height_map else {
+        let name = args.scene.clone();
+        return name.unwrap_or_else(|| format!("builtin:{}", scene::builtin::DEFAULT)).into();
+    };
+    Source::HeightMap(HeightMap {
+        image: image.clone(),
+        size_m: args.terrain.size_m.map(|size| size.0),
+        height_m: args.terrain.height_m,
+        vertices: args.terrain.vertices,
+    })
 }
 
 /// A camera of the user's own.

@@ -4,6 +4,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use chiaro::scene::HeightMap;
+
 /// The largest side of an image, the guaranteed limit of a 2D texture in WebGPU.
 const MAX_SIDE: u32 = 8192;
 
@@ -128,6 +130,33 @@ impl FromStr for Setting {
             }
         }
     }
+}
+
+/// Terrain's extent along X and Z, written `400,300`, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GroundSize(pub [f32; 2]);
+
+impl FromStr for GroundSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (x, z) = text.split_once(',').ok_or("write two lengths in metres such as 400,300")?;
+        Ok(Self([terrain_metres(x.trim())?, terrain_metres(z.trim())?]))
+    }
+}
+
+/// A length of terrain.
+pub fn terrain_metres(text: &str) -> Result<f32, String> {
+    let (least, most) = (HeightMap::METRES.start(), HeightMap::METRES.end());
+    let length = text.parse().ok().filter(|length| HeightMap::METRES.contains(length));
+    length.ok_or_else(|| format!("write metres from {least} to {most}, such as 60"))
+}
+
+/// Vertices along a side of terrain.
+pub fn terrain_vertices(text: &str) -> Result<usize, String> {
+    let (least, most) = (HeightMap::VERTICES.start(), HeightMap::VERTICES.end());
+    let number = text.parse().ok().filter(|number| HeightMap::VERTICES.contains(number));
+    number.ok_or_else(|| format!("write a whole number from {least} to {most}"))
 }
 
 /// A whole number from 1.

@@ -6,14 +6,21 @@ use anyhow::bail;
 use chiaro_viewer::{Options, StartCamera};
 
 use crate::args::ViewArgs;
-use crate::session::{own_view, scene_name, settings};
+use chiaro::scene::Source;
+
+use crate::session::{own_view, settings, source};
 
 /// Where the shaders lie in a checkout of chiaro.
 const SOURCES: &str = "crates/techniques/src";
 
 pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
-    let scene = scene_name(&args.scene);
-    if !scene.starts_with("builtin:") && !Path::new(&scene).exists() {
+    let scene = source(&args.scene);
+    let file = match &scene {
+        Source::Named(name) if name.starts_with("builtin:") => None,
+        Source::Named(name) => Some(Path::new(name)),
+        Source::HeightMap(map) => Some(map.image.as_path()),
+    };
+    if file.is_some_and(|file| !file.exists()) {
         bail!("{scene}: there is no such file; `chiaro scenes` lists the built-in scenes");
     }
     let camera = match (own_view(&args.scene), &args.scene.camera) {

@@ -171,3 +171,75 @@ fn wrong_usage_exits_with_2_and_says_what_is_right() {
     assert_fails(&chiaro(&["reference", "-o", "truth.exr", "--spp", "0"]), 2, &["--spp"]);
     assert_fails(&chiaro(&["reference", "-o", "truth.exr", "--integrator", "light"]), 2, &["--integrator"]);
 }
+
+#[test]
+fn a_setting_or_part_that_there_is_not_is_wrong_usage_for_every_command() {
+    let commands: [&[&str]; 5] = [
+        &["render", "builtin:cornell"],
+        &["view", "builtin:cornell"],
+        &["reference", "builtin:cornell", "-o", "no.exr"],
+        &["bench", "builtin:cornell"],
+        &["bench", "builtin:cornell", "--suite", "shadows"],
+    ];
+    for command in commands {
+        let with = |more: &[&str]| chiaro(&[command, more].concat());
+        assert_fails(
+            &with(&["--set", "shadow.resolutoin=1"]),
+            2,
+            &["shadow.resolutoin", "shadow.resolution"],
+        );
+        assert_fails(&with(&["--set", "shadow.resolution=many"]), 2, &["many", "16..8192"]);
+        assert_fails(&with(&["--set", "shadow.splits=20,5"]), 2, &["20,5", "larger than the one before"]);
+        if command[0] != "reference" {
+            assert_fails(&with(&["--preset", "thesis"]), 2, &["thesis", "thesis-shadows"]);
+        }
+        if ["render", "reference"].contains(&command[0]) {
+            assert_fails(&with(&["--aov", "dreams"]), 2, &["dreams", "direct, "]);
+        }
+    }
+    let preset = scratch("wrong.ron");
+    std::fs::create_dir_all(preset.parent().unwrap()).unwrap();
+    std::fs::write(&preset, r#"{ "shadow.resolution": 1 }"#).unwrap();
+    let render = chiaro(&["render", "builtin:cornell", "--preset", preset.to_str().unwrap()]);
+    assert_fails(&render, 2, &["wrong.ron", "shadow.resolution", "16..8192"]);
+}
+
+#[test]
+fn settings_that_do_not_go_together_are_wrong_usage() {
+    let sets = ["--set", "shadow.representation=variance", "--set", "shadow.filter=pcf"];
+    let render = chiaro(&[&["render", "builtin:cornell", "--size", "8x6"], &sets[..]].concat());
+    assert_fails(&render, 2, &["shadow.filter = pcf", "gaussian"]);
+}
+
+#[test]
+fn terrain_is_made_of_a_picture_or_refused_in_one_sentence() {
+    let map = scratch("heights.png");
+    std::fs::create_dir_all(map.parent().unwrap()).unwrap();
+    let grey = |x: u32, z: u32| [(x * z) as f32 / 225.0; 3];
+    let colour = chiaro_image::Image::from_fn(16, 16, grey);
+    chiaro_image::write_png(&map, &chiaro_image::Picture::from_linear(&colour, 1.0)).unwrap();
+    let map = map.to_str().unwrap();
+    for command in [&["render"][..], &["view"], &["reference", "-o", "no.exr"], &["bench"]] {
+        let with = |more: &[&str]| chiaro(&[command, &["--height-map", map], more].concat());
+        for (more, words) in [
+            (&["--vertices", "1"][..], "2 to 2048"),
+            (&["--vertices", "1000000000000"], "2 to 2048"),
+            (&["--size-m", "0,0"], "metres from"),
+            (&["--size-m", "-5,5"], "metres from"),
+            (&["--size-m", "5"], "400,300"),
+            (&["--height-m", "0"], "metres from"),
+            (&["builtin:cornell"], "cannot be used with"),
+        ] {
+            assert_fails(&with(more), 2, &[words]);
+        }
+        assert_fails(&chiaro(&[command, &["--size-m", "5,5"]].concat()), 2, &["--height-map"]);
+        assert_fails(&chiaro(&[command, &["--height-map", "absent.png"]].concat()), 1, &["absent.png"]);
+    }
+    // The PNGs that chiaro writes are in colour.
+    assert_fails(&chiaro(&["render", "--height-map", map]), 1, &["heights.png", "in colour", "grey"]);
+    assert_fails(
+        &chiaro(&["reference", "--height-map", "Cargo.toml", "-o", "no.exr"]),
+        1,
+        &["Cargo.toml", "height map"],
+    );
+}

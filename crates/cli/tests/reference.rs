@@ -257,13 +257,15 @@ fn light_paths_are_resumed_and_told_apart_too() {
 #[test]
 fn paths_from_the_camera_tell_no_caustics_apart() {
     let output = reference(&scratch("no.exr"), &["--aov", "caustics"]);
-    assert!(failed(&output).contains("--integrator full"), "{}", text(&output.stderr));
+    let error = text(&output.stderr);
+    assert!(output.status.code() == Some(2) && error.contains("--integrator full"), "{error}");
 }
 
 #[test]
 fn an_unknown_aov_is_refused_before_any_work() {
     let output = reference(&scratch("no.exr"), &["--aov", "shadow"]);
-    let error = failed(&output);
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{error}");
     assert!(
         error.contains("shadow") && error.contains("albedo, caustics, depth, direct, indirect, normal"),
         "{error}"

@@ -7,6 +7,7 @@
 //! Conventions: right-handed, Y up, metres; cameras and lights look along their −Z; colours linear Rec. 709;
 //! light is photometric (candela, lux, nits).
 
+mod asked;
 pub mod builtin;
 mod defaults;
 mod deform;
@@ -19,7 +20,8 @@ mod mesh;
 pub mod model;
 mod pose;
 
+pub use asked::Source;
 pub use error::SceneError;
-pub use import::{Disk, Files, Limits, LoadOptions, Memory, load, load_from, load_with};
+pub use import::{Disk, Files, HeightMap, Limits, LoadOptions, Memory, load, load_from, load_with};
 pub use model::*;
 pub use pose::Pose;

@@ -84,6 +84,9 @@ fn rust_structs_equal_their_wesl_twins() {
         positive_exponent,
         negative_exponent,
         anisotropy,
+        min_variance,
+        clamps,
+        reserved,
     );
     same!(
         shade,

@@ -29,6 +29,8 @@ pub enum Kind {
     Number(f32, f32),
     /// A word, or a number with both ends included.
     WordOrNumber(&'static str, f32, f32),
+    /// A word, or ascending numbers above 0 with commas between them, so many at most.
+    WordOrList(&'static str, usize),
 }
 
 impl std::fmt::Display for Kind {
@@ -43,6 +45,7 @@ impl std::fmt::Display for Kind {
             Self::Whole(low, high) => write!(f, "{low}..{high}"),
             Self::Number(low, high) => write!(f, "{low}..{high}"),
             Self::WordOrNumber(word, low, high) => write!(f, "{word}|{low}..{high}"),
+            Self::WordOrList(word, most) => write!(f, "{word}|1 to {most} ascending numbers A,B,…"),
         }
     }
 }

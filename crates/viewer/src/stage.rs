@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use chiaro::scene::{self, LoadOptions, Pose, Scene};
+use chiaro::scene::{LoadOptions, Pose, Scene, Source};
 use chiaro::{Error, Kit, LoadedScene, View};
 
 /// A scene, ready to be rendered.
 #[derive(Debug)]
 pub struct Stage {
-    /// As it was asked for: a path, or `builtin:NAME`.
-    pub source: String,
+    /// As it was asked for.
+    pub source: Source,
     /// For the title.
     pub name: String,
     /// On the CPU, for poses, cameras and trees.
@@ -27,8 +27,8 @@ pub struct Stage {
 /// What is to be put on show.
 #[derive(Clone, Debug)]
 pub struct Request {
-    /// A path, or `builtin:NAME`.
-    pub source: String,
+    /// A scene.
+    pub source: Source,
     /// A picture of the surroundings.
     pub environment: Option<String>,
     /// Nothing may stand in for what is missing: [`LoadOptions::strict`].
@@ -41,7 +41,7 @@ pub struct Request {
 /// When it, or the picture of its surroundings, cannot be read.
 pub fn read(Request { source, environment, strict }: &Request) -> Result<Scene, Error> {
     let options = LoadOptions { strict: *strict, ..LoadOptions::default() };
-    let mut scene = scene::load_with(source, &options)?;
+    let mut scene = source.load(&options)?;
     if let Some(file) = environment {
         scene.environment = Some(chiaro::environment::load(file, &mut scene.warnings)?);
     }
@@ -61,8 +61,9 @@ impl Stage {
     }
 
     /// Names what there is.
-    pub fn new(source: &str, scene: Scene, loaded: LoadedScene) -> Self {
-        let file = source.strip_prefix("builtin:").unwrap_or(source);
+    pub fn new(source: &Source, scene: Scene, loaded: LoadedScene) -> Self {
+        let file = source.to_string();
+        let file = file.strip_prefix("builtin:").unwrap_or(&file);
         let name = file.rsplit(['/', '\\']).next().unwrap_or(file).to_owned();
         let cameras = scene.placed_cameras();
         let label = |(number, (camera, _)): (usize, &(usize, glam::Mat4))| {
@@ -72,7 +73,7 @@ impl Stage {
         let cameras = cameras.iter().enumerate().map(label).collect();
         let duration_s = scene.duration_s().map(f64::from).filter(|s| *s > 0.0);
         let pose = scene.pose(0.0);
-        Self { source: source.to_owned(), name, cameras, duration_s, pose, loaded, scene: Arc::new(scene) }
+        Self { source: source.clone(), name, cameras, duration_s, pose, loaded, scene: Arc::new(scene) }
     }
 
     /// Moves everything to a moment.

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use chiaro::scene::Source;
 use chiaro::{Gpu, GpuError, Library, Recorder, Settings, View, wgpu};
 use egui_wgpu::ScreenDescriptor;
 
@@ -34,8 +35,8 @@ pub enum StartCamera {
 /// What a viewer starts with.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// A scene file, or `builtin:NAME`.
-    pub scene: String,
+    /// What to show.
+    pub scene: Source,
     /// A picture of the surroundings that takes the place of the scene's own.
     pub environment: Option<PathBuf>,
     /// A texture or material library that is missing or broken is an error, not a warning.
@@ -55,7 +56,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            scene: format!("builtin:{}", chiaro::scene::builtin::DEFAULT),
+            scene: format!("builtin:{}", chiaro::scene::builtin::DEFAULT).into(),
             environment: None,
             strict: false,
             settings: Settings::default(),
@@ -141,7 +142,7 @@ pub struct Viewer {
     pub(crate) stage: Option<Stage>,
     // Loaded, but its materials still need passes.
     incoming: Option<Box<Stage>>,
-    pub(crate) loading: Option<String>,
+    pub(crate) loading: Option<Source>,
     pub(crate) building: bool,
     // What the panel shows; in force once everything it needs is compiled.
     pub(crate) wanted: Settings,
@@ -162,7 +163,7 @@ pub struct Viewer {
     pub(crate) timings: TimingHistory,
     pub(crate) panel: PanelState,
     pub(crate) notices: Notices,
-    source: String,
+    source: Source,
     environment: Option<String>,
     strict: bool,
     lost: Option<String>,
@@ -274,17 +275,17 @@ impl Viewer {
             self.environment = Some(source.to_owned());
             self.load(&self.source.clone());
         } else {
-            self.load(source);
+            self.load(&source.into());
         }
     }
 
-    fn load(&mut self, source: &str) {
+    fn load(&mut self, source: &Source) {
         let Some(engine) = &self.engine else {
-            self.loading = Some(source.to_owned());
+            self.loading = Some(source.clone());
             return;
         };
         let (kit, request) = (engine.renderer.kit().clone(), self.request(source));
-        self.loading = Some(source.to_owned());
+        self.loading = Some(source.clone());
         self.jobs.start(move || {
             let stage = Stage::load(&kit, &request);
             Report::Loaded(stage.map(Box::new).map_err(|e| e.to_string()))
@@ -292,9 +293,9 @@ impl Viewer {
     }
 
     /// How that scene is loaded.
-    fn request(&self, source: &str) -> Request {
+    fn request(&self, source: &Source) -> Request {
         let (environment, strict) = (self.environment.clone(), self.strict);
-        Request { source: source.to_owned(), environment, strict }
+        Request { source: source.clone(), environment, strict }
     }
 
     /// Settings as the panel shows them; they are in force once what they need is compiled.

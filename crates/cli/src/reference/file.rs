@@ -9,6 +9,7 @@ use chiaro_image::{Image, Layers, Precision, read_layers, write_exr, write_layer
 use clap::ValueEnum;
 
 use crate::args::{Integrator, ReferenceArgs};
+use crate::output::WrongUsage;
 use crate::render::mean;
 use crate::session::{Session, Tracing};
 
@@ -74,13 +75,15 @@ pub fn first_hits(args: &ReferenceArgs) -> anyhow::Result<Vec<FirstHit>> {
     let mut wanted = Vec::new();
     for name in sorted(&args.aovs) {
         if name == "caustics" && args.integrator == Integrator::Path {
-            bail!("--aov caustics: paths from the camera do not tell them apart; add --integrator full");
+            let reason = "paths from the camera do not tell them apart; add --integrator full";
+            bail!(WrongUsage(format!("--aov caustics: {reason}")));
         }
         let first_hit = FirstHit::ALL.into_iter().find(|what| what.layer() == name);
         if first_hit.is_none() && !LIGHT.contains(&name) {
             let mut names: Vec<_> = LIGHT.into_iter().chain(FirstHit::ALL.map(FirstHit::layer)).collect();
             names.sort_unstable();
-            bail!("--aov {name}: there is none of that name; there are {}", names.join(", "));
+            let known = names.join(", ");
+            bail!(WrongUsage(format!("--aov {name}: there is none of that name; there are {known}")));
         }
         wanted.extend(first_hit);
     }

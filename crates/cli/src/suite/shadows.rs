@@ -22,12 +22,36 @@ use crate::values::Size;
 const SIZE: Size = Size { width: 800, height: 600 };
 const SCENE: &str = "builtin:terrain";
 
-type Changes = Vec<(&'static str, &'static str)>;
-
-/// A combination.
+/// A combination: what its name says, all of it set, so that no base changes what a row is.
 struct Row {
     name: String,
-    changes: Changes,
+    changes: [(&'static str, &'static str); 6],
+}
+
+impl Row {
+    fn new(name: String, layout: &'static str, representation: &'static str, filter: &'static str) -> Self {
+        let changes = [
+            ("shadow.layout", layout),
+            ("shadow.representation", representation),
+            ("shadow.filter", filter),
+            ("shadow.pcf_kernel", "3"),
+            ("shadow.prefilter", "false"),
+            ("shadow.fit", "frustum"),
+        ];
+        Self { name, changes }
+    }
+
+    /// Another value for one of the keys that rows set.
+    fn with(mut self, key: &str, value: &'static str) -> Self {
+        self.changes.iter_mut().filter(|(known, _)| *known == key).for_each(|change| change.1 = value);
+        self
+    }
+
+    fn settings(&self, base: &Settings) -> Result<Settings, chiaro::Error> {
+        let mut settings = base.clone();
+        self.changes.iter().try_for_each(|(key, value)| settings.set(key, value))?;
+        Ok(settings)
+    }
 }
 
 #[derive(Serialize)]
@@ -48,30 +72,23 @@ const LAYOUTS: [(&str, &str); 2] = [("single", "one map"), ("cascaded", "cascade
 
 /// The thesis' twelve.
 fn thesis() -> Vec<Row> {
-    let ways: [(&str, &[(&str, &str)]); 6] = [
-        ("depth", &[("shadow.filter", "none")]),
-        ("pcf 4x4", &[("shadow.filter", "pcf"), ("shadow.pcf_kernel", "4")]),
-        ("variance", &[("shadow.representation", "variance"), ("shadow.filter", "none")]),
-        ("variance blurred", &[("shadow.representation", "variance"), ("shadow.filter", "gaussian")]),
-        (
-            "exponential prefiltered",
-            &[
-                ("shadow.representation", "exponential"),
-                ("shadow.filter", "none"),
-                ("shadow.prefilter", "true"),
-            ],
-        ),
-        ("exponential blurred", &[("shadow.representation", "exponential"), ("shadow.filter", "gaussian")]),
-    ];
-    let row = |(layout, layout_name), (name, changes): &(&str, &[(&'static str, &'static str)])| {
-        let mut all = vec![("shadow.layout", layout)];
-        all.extend_from_slice(changes);
-        Row { name: format!("{layout_name}, {name}"), changes: all }
+    let rows = |(layout, layout_name): (&'static str, &str)| {
+        let row = |name: &str, representation, filter| {
+            Row::new(format!("{layout_name}, {name}"), layout, representation, filter)
+        };
+        [
+            row("depth", "depth", "none"),
+            row("pcf 4x4", "depth", "pcf").with("shadow.pcf_kernel", "4"),
+            row("variance", "variance", "none"),
+            row("variance blurred", "variance", "gaussian"),
+            row("exponential prefiltered", "exponential", "none").with("shadow.prefilter", "true"),
+            row("exponential blurred", "exponential", "gaussian"),
+        ]
     };
-    LAYOUTS.into_iter().flat_map(|layout| ways.iter().map(move |way| row(layout, way))).collect()
+    LAYOUTS.into_iter().flat_map(rows).collect()
 }
 
-/// All other combinations that the settings take.
+/// All other combinations, those that the settings refuse included.
 fn others() -> Vec<Row> {
     let representations = ["depth", "variance", "exponential", "evsm2", "evsm4", "moments"];
     let filters = ["none", "pcf", "pcss", "gaussian", "mip", "gaussian-mip"];
@@ -79,22 +96,30 @@ fn others() -> Vec<Row> {
     for (layout, layout_name) in LAYOUTS {
         for representation in representations {
             for filter in filters {
-                let changes = vec![
-                    ("shadow.layout", layout),
-                    ("shadow.representation", representation),
-                    ("shadow.filter", filter),
-                ];
-                rows.push(Row { name: format!("{layout_name}, {representation}, {filter}"), changes });
+                let name = format!("{layout_name}, {representation}, {filter}");
+                rows.push(Row::new(name, layout, representation, filter));
             }
         }
     }
-    for kernel in ["2", "3", "5", "7", "disc"] {
-        let changes = vec![("shadow.layout", "cascaded"), ("shadow.pcf_kernel", kernel)];
-        rows.push(Row { name: format!("cascades, pcf {kernel}"), changes });
+    for kernel in ["2", "5", "7", "disc"] {
+        let row = Row::new(format!("cascades, pcf {kernel}"), "cascaded", "depth", "pcf");
+        rows.push(row.with("shadow.pcf_kernel", kernel));
     }
-    let fitted = vec![("shadow.layout", "cascaded"), ("shadow.fit", "depth")];
-    rows.push(Row { name: "cascades fitted to the picture, pcf 3".into(), changes: fitted });
+    let fitted = Row::new("cascades fitted to the picture, pcf 3".into(), "cascaded", "depth", "pcf");
+    rows.push(fitted.with("shadow.fit", "depth"));
     rows
+}
+
+/// All rows over a base, the thesis' first, each combination once.
+fn rows(base: &Settings) -> Result<Vec<Row>, chiaro::Error> {
+    let mut rows = thesis();
+    for row in others() {
+        let known = rows.iter().any(|known| known.changes == row.changes);
+        if !known && row.settings(base)?.shadow.refused().is_none() {
+            rows.push(row);
+        }
+    }
+    Ok(rows)
 }
 
 pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
@@ -103,19 +128,8 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
     scene_args.scene.get_or_insert_with(|| SCENE.into());
     let mut base = session::settings(&args.settings)?;
     base.set("shadow.cache", "false")?;
-    let settings_of = |row: &Row| -> anyhow::Result<Settings> {
-        let mut settings = base.clone();
-        row.changes.iter().try_for_each(|(key, value)| settings.set(key, value))?;
-        Ok(settings)
-    };
-    let mut rows = thesis();
-    let images = rows.len();
-    for row in others() {
-        let known = rows.iter().any(|known| known.changes == row.changes);
-        if !known && settings_of(&row)?.shadow.refused().is_none() {
-            rows.push(row);
-        }
-    }
+    let rows = rows(&base)?;
+    let images = thesis().len();
     let mut session = Session::open(&scene_args, &args.settings)?;
     let bar = ProgressBar::new(rows.len() as u64);
     if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}, {eta} left") {
@@ -124,7 +138,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
     let mut costs = Vec::new();
     for row in &rows {
         bar.set_message(row.name.clone());
-        session.renderer.set(settings_of(row)?)?;
+        session.renderer.set(row.settings(&base)?)?;
         picture(&mut session, &args.output.join(file_name(&row.name)))?;
         let measured = measure(&mut session, args.frames, || bar.tick())?;
         costs.push(cost(row, measured));
@@ -198,17 +212,48 @@ fn table(machine: &Machine, session: &Session, frames: u32, (costs, thesis): (&[
 #[cfg(test)]
 mod tests {
     use super::*;
+    use chiaro::techniques::shadow::{Filter, Representation};
 
     #[test]
-    fn the_thesis_has_twelve_images_and_every_row_is_taken() {
+    fn the_thesis_has_twelve_images_and_every_row_its_own_name() {
         assert_eq!(thesis().len(), 12);
-        for row in thesis() {
-            let mut settings = Settings::default();
-            row.changes.iter().for_each(|(key, value)| settings.set(key, value).unwrap());
-            assert_eq!(settings.shadow.refused(), None, "{}", row.name);
-        }
         let names: std::collections::BTreeSet<_> =
             thesis().iter().chain(&others()).map(|row| file_name(&row.name)).collect();
         assert_eq!(names.len(), thesis().len() + others().len());
+    }
+
+    #[test]
+    fn a_row_is_what_its_name_says_whatever_the_base() {
+        let preset = |name: &str| {
+            let mut base = Settings::default();
+            base.apply_preset(name, None).unwrap();
+            base
+        };
+        let changed = |key: &str, value: &str| {
+            let mut base = Settings::default();
+            base.set(key, value).unwrap();
+            base
+        };
+        let mut bases: Vec<_> = Settings::presets().map(|(name, _)| preset(name)).collect();
+        bases.push(changed("shadow.prefilter", "true"));
+        bases.push(changed("shadow.fit", "depth"));
+        bases.push(changed("shadow.pcf_kernel", "disc"));
+        bases.push(changed("shadow.layout", "none"));
+        let plain = Settings::default();
+        for base in &bases {
+            let rows = rows(base).unwrap();
+            assert_eq!(rows.len(), super::rows(&plain).unwrap().len());
+            for row in &rows {
+                let (mine, expected) =
+                    (row.settings(base).unwrap().shadow, row.settings(&plain).unwrap().shadow);
+                assert_eq!(mine.refused(), None, "{}", row.name);
+                let is = |s: &chiaro::techniques::shadow::ShadowSettings| {
+                    (s.layout, s.representation, s.filter, s.pcf_kernel, s.prefilter, s.fit)
+                };
+                assert_eq!(is(&mine), is(&expected), "{}", row.name);
+            }
+        }
+        let shadow = thesis()[0].settings(&preset("thesis-shadows")).unwrap().shadow;
+        assert_eq!((shadow.representation, shadow.filter), (Representation::Depth, Filter::None));
     }
 }

@@ -40,7 +40,9 @@ impl Land {
     pub fn place(&self, stage: &mut Stage, name: &str, ground: Id, earth: Id, depth_m: f32) {
         let mesh = stage.add(name, vec![self.surface(ground)]);
         let materials = &stage.scene.materials;
-        let cut = self.cut(earth, depth_m).into_mesh(name, |m| materials[m].normal_texture.is_some());
+        let (last, top) = (self.map.side() - 1, |x, z| self.point(x, z));
+        let floor = rim(last, top).iter().map(|p| p.y).fold(f32::INFINITY, f32::min) - depth_m;
+        let cut = cut(last, top, floor, earth).into_mesh(name, |m| materials[m].normal_texture.is_some());
         stage.scene.meshes[mesh].primitives.extend(cut.primitives);
         stage.place(mesh, Vec3::ZERO, false);
     }
@@ -51,8 +53,8 @@ impl Land {
         // The first parameter runs along +Z and the second along +X, so that the surface looks up.
         let grid = Grid { columns: side, rows: side, closes: [false; 2] };
         let mut out = grid.primitive(material, false, |z, x| {
-            let at = self.level(vec2(x as f32, z as f32));
-            (at + Vec3::Y * self.map.height(x, z) * self.spacing_m, vec2(at.x, at.z) + half)
+            let at = self.point(x, z);
+            (at, vec2(at.x, at.z) + half)
         });
         // u runs along +X and v along +Z, the bitangent along −Z.
         let tangent = |n: &Vec3| (Vec3::X - *n * n.x).normalize().extend(1.0);
@@ -60,23 +62,29 @@ impl Land {
         out
     }
 
-    fn cut(&self, material: Id, depth_m: f32) -> Solid {
-        let last = self.map.side() - 1;
-        let top = |x: usize, z: usize| {
-            self.level(vec2(x as f32, z as f32)) + Vec3::Y * self.map.height(x, z) * self.spacing_m
-        };
-        let mut rim: Vec<Vec3> = (0..last).map(|i| top(i, 0)).collect();
-        rim.extend((0..last).map(|i| top(last, i)));
-        rim.extend((0..last).map(|i| top(last - i, last)));
-        rim.extend((0..last).map(|i| top(0, last - i)));
-        let floor = rim.iter().map(|p| p.y).fold(f32::INFINITY, f32::min) - depth_m;
-        let down = |p: Vec3| vec3(p.x, floor, p.z);
-        let mut out = Solid::default();
-        for (i, &a) in rim.iter().enumerate() {
-            let b = rim[(i + 1) % rim.len()];
-            out.quad([a, b, down(b), down(a)], [Vec2::ZERO; 4], material);
-            out.triangle([down(a), down(b), Vec3::Y * floor], [Vec2::ZERO; 3], material);
-        }
-        out.planar_uv()
+    fn point(&self, x: usize, z: usize) -> Vec3 {
+        self.level(vec2(x as f32, z as f32)) + Vec3::Y * self.map.height(x, z) * self.spacing_m
     }
+}
+
+/// The edge of a field of `last + 1` points a side, once around.
+fn rim(last: usize, top: impl Fn(usize, usize) -> Vec3) -> Vec<Vec3> {
+    let mut rim: Vec<Vec3> = (0..last).map(|i| top(i, 0)).collect();
+    rim.extend((0..last).map(|i| top(last, i)));
+    rim.extend((0..last).map(|i| top(last - i, last)));
+    rim.extend((0..last).map(|i| top(0, last - i)));
+    rim
+}
+
+/// Sides and bottom, at the height `floor`, of a block about the vertical axis with such a field on top.
+pub fn cut(last: usize, top: impl Fn(usize, usize) -> Vec3, floor: f32, material: Id) -> Solid {
+    let rim = rim(last, top);
+    let down = |p: Vec3| vec3(p.x, floor, p.z);
+    let mut out = Solid::default();
+    for (i, &a) in rim.iter().enumerate() {
+        let b = rim[(i + 1) % rim.len()];
+        out.quad([a, b, down(b), down(a)], [Vec2::ZERO; 4], material);
+        out.triangle([down(a), down(b), Vec3::Y * floor], [Vec2::ZERO; 3], material);
+    }
+    out.planar_uv()
 }

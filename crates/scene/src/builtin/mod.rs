@@ -10,6 +10,7 @@ mod flora;
 mod glass;
 mod grid;
 mod grove;
+mod height_field;
 mod land;
 mod nave;
 mod pool;
@@ -25,6 +26,8 @@ mod terrain;
 mod tests;
 mod texture;
 mod wall;
+
+pub(crate) use height_field::{HeightField, height_field};
 
 use crate::Scene;
 

@@ -5,6 +5,7 @@
 
 mod files;
 mod gltf;
+mod height_map;
 mod limits;
 mod obj;
 mod reach;
@@ -18,6 +19,7 @@ mod tests;
 use std::path::Path;
 
 pub use self::files::{Disk, Files, Memory};
+pub use self::height_map::HeightMap;
 pub use self::limits::Limits;
 use crate::{Scene, SceneError, builtin};
 

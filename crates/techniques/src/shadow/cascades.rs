@@ -161,10 +161,10 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut Sha
     let mut finer: Option<(Vec3, f32)> = None;
     let count = settings.cascades;
     for i in 0..count {
-        let slice = (
-            split(i, count, range, settings.split_lambda),
-            split(i + 1, count, range, settings.split_lambda),
-        );
+        let slice = settings.splits.slice(i, range).unwrap_or_else(|| {
+            let at = |i| split(i, count, range, settings.split_lambda);
+            (at(i), at(i + 1))
+        });
         let (center, radius) = sphere(&rays, slice.0, slice.1);
         let (center, radius) = if radius < scene.1 { (axes * center, radius) } else { scene };
         let (clip_from_ls, data) = parallel(center, radius, along, make);

@@ -30,7 +30,8 @@ mod views;
 
 pub use record::{DrawView, ShadowMaps, ShadowOutputs};
 pub use settings::{
-    CascadeSelect, Filter, Fit, Layout, PcfKernel, PointLayout, Representation, ShadowSettings, Sigma,
+    CascadeSelect, Darkens, Filter, Fit, Layout, PcfKernel, PointLayout, Representation, ShadowSettings,
+    Sigma, Splits,
 };
 pub use tint::TintMaps;
 pub use views::{CameraView, FitInputs, ShadowView, ShadowViews, fit};
@@ -48,6 +49,7 @@ pub struct Lookup {
     receiver_plane: bool,
     select: CascadeSelect,
     tint: bool,
+    darkens_color: bool,
     /// Whether maps hold plain numbers instead of a depth format.
     pub float_maps: bool,
 }
@@ -62,6 +64,7 @@ impl Lookup {
             receiver_plane: settings.bias_receiver_plane,
             select: settings.cascade_select,
             tint: settings.transmission_tint,
+            darkens_color: settings.darkened() != Darkens::Direct,
             float_maps: settings.computes_maps(),
         }
     }
@@ -82,6 +85,7 @@ impl Lookup {
             ("RECEIVER_PLANE", f64::from(self.receiver_plane)),
             ("SELECT_BY_DEPTH", f64::from(self.select == CascadeSelect::Depth)),
             ("TINT", f64::from(self.tint)),
+            ("DARKENS_COLOR", f64::from(self.darkens_color)),
             ("MOMENTS", f64::from(moments)),
             ("MOMENT_MIPS", f64::from(moments && self.filter.mips())),
         ];
@@ -97,15 +101,21 @@ impl ShadowSettings {
             Representation::Exponential => self.exponent,
             _ => self.evsm_positive,
         };
+        let by_thesis = self.darkens == Darkens::Thesis;
+        let depth = self.representation == Representation::Depth;
+        let exponential = self.representation == Representation::Exponential;
         ShadowParameters {
-            floor: self.floor,
+            floor: if by_thesis && depth { 0.0 } else { self.floor },
             blend: self.blend,
             filter_radius: self.filter_radius,
             light_size: self.light_size,
-            bleed_reduction: self.bleed_reduction,
+            bleed_reduction: if by_thesis && exponential { 0.0 } else { self.bleed_reduction },
             positive_exponent: positive,
             negative_exponent: self.evsm_negative,
             anisotropy: self.anisotropy as f32,
+            min_variance: self.min_variance,
+            clamps: u32::from(self.darkened() == Darkens::ColorClamped),
+            reserved: [0; 2],
         }
     }
 }

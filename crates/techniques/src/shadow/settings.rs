@@ -161,6 +161,86 @@ impl crate::settings::Value for Sigma {
     }
 }
 
+choice! {
+    /// What shadows darken.
+    pub enum Darkens {
+        /// A light's direct light alone, by visibility stretched to shadow.floor..1; physical where that is 0.
+        Direct = "direct",
+        /// The whole colour, ambient light included, by visibility stretched to shadow.floor..1.
+        Color = "color",
+        /// The whole colour, by visibility clamped to shadow.floor..1.
+        ColorClamped = "color-clamped",
+        /// As the shadow thesis: depth maps darken direct light, down to nothing; exponential ones are color-clamped,
+        /// without bleed reduction; all others color.
+        Thesis = "thesis",
+    }
+}
+
+impl Darkens {
+    /// What it comes to for a representation.
+    fn resolved(self, representation: Representation) -> Self {
+        match (self, representation) {
+            (Self::Thesis, Representation::Depth) => Self::Direct,
+            (Self::Thesis, Representation::Exponential) => Self::ColorClamped,
+            (Self::Thesis, _) => Self::Color,
+            (other, _) => other,
+        }
+    }
+}
+
+/// Most cascades.
+const MAX_CASCADES: usize = 8;
+/// A slice that would be empty is as long as this share of its distance.
+const LEAST_SLICE: f32 = 1e-3;
+
+/// Distances along the view at which cascades end, metres, ascending; none: by `shadow.split_lambda`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Splits(pub Vec<f32>);
+
+impl Splits {
+    /// From where to where cascade `i` reaches, of a view that shows something from `begin` to `end`; `None` where no
+    /// distances are given. A cascade without a distance of its own reaches to the end.
+    pub fn slice(&self, i: u32, (begin, end): (f32, f32)) -> Option<(f32, f32)> {
+        if self.0.is_empty() {
+            return None;
+        }
+        let ends = |i: usize| self.0.get(i).copied().unwrap_or(end);
+        let i = i as usize;
+        // What is seen may begin beyond the first distances, or end before the last.
+        let near = if i == 0 { begin } else { ends(i - 1).max(begin) };
+        Some((near, ends(i).max(near * (1.0 + LEAST_SLICE)).max(f32::MIN_POSITIVE)))
+    }
+
+    fn fits(&self, cascades: u32) -> bool {
+        let cascades = cascades as usize;
+        self.0.is_empty() || (cascades - 1..=cascades).contains(&self.0.len())
+    }
+}
+
+impl crate::settings::Value for Splits {
+    type Range = ();
+    fn parse(text: &str, (): &()) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::default());
+        }
+        let distance = |part: &str| part.trim().parse::<f32>().ok().filter(|m| m.is_finite() && *m > 0.0);
+        let distances: Option<Vec<_>> = text.split(',').map(distance).collect();
+        let right = |list: &Vec<f32>| list.len() <= MAX_CASCADES && list.is_sorted_by(|a, b| a < b);
+        distances.filter(right).map(Self).ok_or_else(|| {
+            format!("auto, or up to {MAX_CASCADES} distances in metres, each larger than the one before, such as 5,20,60")
+        })
+    }
+    fn show(&self) -> String {
+        if self.0.is_empty() {
+            return "auto".into();
+        }
+        self.0.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")
+    }
+    fn kind((): &()) -> crate::settings::Kind {
+        crate::settings::Kind::WordOrList("auto", MAX_CASCADES)
+    }
+}
+
 settings! {
     /// Shadows.
     pub struct ShadowSettings: "shadow" {
@@ -180,6 +260,9 @@ settings! {
         cascades: u32 = 4, "maps", 1..=8, Resources;
         /// Where cascades part: 0 evenly along the view, 1 by equal ratios of distance (Zhang et al. 2006, eq. 5).
         split_lambda: f32 = 0.75, "", 0.0..=1.0, Uniform;
+        /// Where cascades part, by hand instead of by shadow.split_lambda: distances along the view at which they end. One
+        /// fewer than cascades: the last reaches as far as the scene; as many: beyond the last nothing is in shadow.
+        splits: Splits = Splits(Vec::new()), "m", (), Uniform;
         /// What cascades are fitted to: the camera's view, or what is in the picture.
         fit: Fit = Fit::Frustum, "", (), Permutation;
         /// Share of a cascade over which it fades into the next.
@@ -204,11 +287,16 @@ settings! {
         prefilter: bool = false, "", (), Uniform;
         /// Visibility of moment maps below this is dark, and the rest stretched: cuts light that bleeds through.
         bleed_reduction: f32 = 0.2, "", 0.0..=0.99, Uniform;
+        /// Least variance that maps of variance, evsm2 and evsm4 are taken to have: a receiver closer behind its caster than
+        /// its root is lit in part. More hides acne and dark seams at feet, and lets light through there.
+        min_variance: f32 = 0.0, "of the depth range squared", 0.0..=0.01, Uniform;
         /// Most samples along a slanted pixel footprint, for mipmapped moment maps.
         anisotropy: u32 = 8, "samples", 1..=16, Uniform;
         /// Whether glass tints the light it lets through instead of casting a full shadow: an approximation without
         /// refraction, for scenes without caustics.
         transmission_tint: bool = false, "", (), Permutation;
+        /// What shadows darken, and how shadow.floor bounds it: direct light, as is physical, or the whole colour.
+        darkens: Darkens = Darkens::Direct, "", (), Permutation;
         /// Light that reaches what lies in shadow, as a share: 0 is physical.
         floor: f32 = 0.0, "", 0.0..=1.0, Uniform;
         /// All maps together take at most this much; beyond it the resolution is halved, and said.
@@ -242,6 +330,11 @@ impl ShadowSettings {
         self.raster == Raster::Compute && !curved && !self.transmission_tint
     }
 
+    /// What shadows darken, with the representation considered.
+    pub fn darkened(&self) -> Darkens {
+        self.darkens.resolved(self.representation)
+    }
+
     /// Why these settings do not go together, if they do not.
     pub fn refused(&self) -> Option<String> {
         if self.layout == Layout::None {
@@ -255,6 +348,23 @@ impl ShadowSettings {
             .or_else(|| {
                 (self.transmission_tint && self.point_layout == PointLayout::Paraboloid).then(|| {
                     "shadow.transmission_tint does not go with shadow.point_layout = paraboloid: take cube".into()
+                })
+            })
+            .or_else(|| {
+                (self.layout == Layout::Cascaded && !self.splits.fits(self.cascades)).then(|| {
+                    format!(
+                        "shadow.splits has {} distances, which do not part shadow.cascades = {}: give one fewer than \
+                         cascades, or as many",
+                        self.splits.0.len(),
+                        self.cascades
+                    )
+                })
+            })
+            .or_else(|| {
+                (self.fit == Fit::Depth && self.layout == Layout::Cascaded && !self.splits.0.is_empty()).then(|| {
+                    "shadow.splits does not go with shadow.fit = depth, which parts cascades by what is in the picture: \
+                     take shadow.fit = frustum"
+                        .into()
                 })
             })
             .or_else(|| {

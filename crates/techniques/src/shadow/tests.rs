@@ -188,6 +188,73 @@ fn every_visible_point_lies_in_a_cascade_and_near_ones_in_fine_ones() {
 }
 
 #[test]
+fn splits_by_hand_are_where_cascades_part() {
+    let mut sun = [light(LightData::DIRECTIONAL, Vec3::new(0.3, -1.0, 0.2))];
+    let wide = (Vec3::new(-50.0, -1.0, -50.0), Vec3::new(50.0, 10.0, 50.0));
+    let mut slices = |splits: &[f32], eye| {
+        let settings = ShadowSettings { splits: Splits(splits.to_vec()), ..ShadowSettings::default() };
+        assert_eq!(settings.refused(), None);
+        let views = fitted(&mut sun, wide, turned(eye, 0.0), &settings).views;
+        views.iter().map(|view| (view.data.begin_m, view.data.end_m)).collect::<Vec<_>>()
+    };
+    let inside = slices(&[5.0, 20.0, 60.0], Vec3::Y);
+    let ends: Vec<f32> = inside.iter().map(|slice| slice.1).collect();
+    assert_eq!(ends[..3], [5.0, 20.0, 60.0]);
+    assert!(ends[3] > 100.0, "the last one reaches as far as the scene: {ends:?}");
+    assert!(inside.windows(2).all(|pair| pair[0].1 == pair[1].0));
+    assert_eq!(slices(&[5.0, 20.0, 60.0, 80.0], Vec3::Y)[3], (60.0, 80.0));
+    // From far outside, what is seen begins beyond the splits: no slice is empty or inside out.
+    for splits in [&[5.0, 20.0, 60.0][..], &[5.0, 20.0, 60.0, 80.0], &[1e6, 2e6, 3e6]] {
+        for (begin, end) in slices(splits, Vec3::new(0.0, 20.0, 900.0)) {
+            assert!(begin < end && end.is_finite(), "{begin} to {end}");
+        }
+    }
+}
+
+#[test]
+fn splits_that_part_another_number_of_cascades_are_refused() {
+    use crate::settings::{SettingsGroup, Value};
+    for (splits, cascades, right) in [
+        ("5,20,60", 4, true),
+        ("5,20,60,80", 4, true),
+        ("5", 1, true),
+        ("5,20", 4, false),
+        ("1,2,3,4,5", 4, false),
+    ] {
+        let mut settings = ShadowSettings { cascades, ..ShadowSettings::default() };
+        settings.set("splits", splits).unwrap().unwrap();
+        assert_eq!(settings.splits.show(), splits);
+        assert_eq!(settings.refused().is_none(), right, "{splits}, {cascades}");
+        settings.layout = Layout::Single;
+        assert_eq!(settings.refused(), None);
+    }
+    let by_picture =
+        ShadowSettings { splits: Splits(vec![1.0; 3]), fit: Fit::Depth, ..ShadowSettings::default() };
+    assert!(by_picture.refused().is_some_and(|reason| reason.contains("shadow.fit")));
+    for wrong in ["", "5,", "20,5", "5,5", "-1,2", "0,1", "inf", "1,2,3,4,5,6,7,8,9", "binomial"] {
+        assert!(ShadowSettings::default().set("splits", wrong).unwrap().is_err(), "{wrong} was taken");
+    }
+}
+
+#[test]
+fn the_thesis_darkens_by_representation() {
+    let with = |representation| ShadowSettings {
+        representation,
+        darkens: Darkens::Thesis,
+        floor: 0.3,
+        ..ShadowSettings::default()
+    };
+    let of = |representation| {
+        let settings = with(representation);
+        let told = settings.parameters();
+        (settings.darkened(), told.floor, told.clamps, told.bleed_reduction)
+    };
+    assert_eq!(of(Representation::Depth), (Darkens::Direct, 0.0, 0, 0.2));
+    assert_eq!(of(Representation::Variance), (Darkens::Color, 0.3, 0, 0.2));
+    assert_eq!(of(Representation::Exponential), (Darkens::ColorClamped, 0.3, 1, 0.0));
+}
+
+#[test]
 fn point_lights_have_a_cube_or_two_hemispheres_and_wide_spots_too() {
     let mut lights = [light(LightData::POINT, Vec3::Y), light(LightData::SPOT, Vec3::NEG_Y)];
     lights[1].cone_rad = 1.5;

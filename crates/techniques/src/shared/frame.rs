@@ -80,6 +80,9 @@ pub struct ShadowParameters {
     pub positive_exponent: f32,
     pub negative_exponent: f32,
     pub anisotropy: f32,
+    pub min_variance: f32,
+    pub clamps: u32,
+    pub reserved: [u32; 2],
 }
 
 /// A light as shaders see it; see `frame.wesl`.

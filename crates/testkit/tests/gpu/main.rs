@@ -23,6 +23,7 @@ mod shadow_cascades;
 mod shadow_moments;
 mod shadow_raster;
 mod shadow_table;
+mod shadow_thesis;
 mod shadows;
 mod surface;
 mod textures;

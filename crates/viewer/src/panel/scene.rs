@@ -12,7 +12,8 @@ impl Viewer {
             ComboBox::from_id_salt("scene").selected_text(name).width(220.0).show_ui(ui, |ui| {
                 for (name, about) in chiaro::scene::builtin::SCENES {
                     let source = format!("builtin:{name}");
-                    let shown = self.stage.as_ref().is_some_and(|stage| stage.source == source);
+                    let shown =
+                        self.stage.as_ref().is_some_and(|stage| stage.source == source.as_str().into());
                     if ui.selectable_label(shown, *name).on_hover_text(*about).clicked() {
                         open = Some(source);
                     }

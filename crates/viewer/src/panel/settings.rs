@@ -204,7 +204,23 @@ fn widget(ui: &mut Ui, field: &Field, value: &str) -> Option<String> {
             })
             .inner
         }
+        Kind::WordOrList(..) => text_ui(ui, &field.key, value),
     }
+}
+
+/// A line of text, taken over when it is left: half of a list is none.
+fn text_ui(ui: &mut Ui, key: &str, value: &str) -> Option<String> {
+    let id = ui.scope_id().with(key);
+    let mut text = ui.data(|data| data.get_temp::<String>(id)).unwrap_or_else(|| value.to_owned());
+    let edit = ui.add(TextEdit::singleline(&mut text).desired_width(130.0));
+    if edit.lost_focus() {
+        ui.data_mut(|data| data.remove::<String>(id));
+        return (text != value).then(|| text.trim().to_owned());
+    }
+    if edit.has_focus() {
+        ui.data_mut(|data| data.insert_temp(id, text));
+    }
+    None
 }
 
 fn number_ui(ui: &mut Ui, mut number: f32, low: f32, high: f32, suffix: String) -> Option<String> {

@@ -6,6 +6,7 @@ mod deform;
 mod document;
 mod gltf;
 mod gltf_malformed;
+mod height_map;
 mod limits;
 mod obj;
 mod vertices;
