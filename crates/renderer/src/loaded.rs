@@ -57,8 +57,14 @@ impl LoadedScene {
     }
 
     /// Moves everything to a pose of the scene that this was loaded from, usually [`Scene::pose`] at a time. The next
-    /// frame shows it, and knows where everything was before. A loaded scene starts with the pose at time 0.
+    /// frame shows it, and knows where everything was before. A loaded scene starts with the pose at time 0. Where
+    /// [`Scene::settle`] has chosen another origin, views must count from it too, as [`View::from_pose`] does.
+    ///
+    /// [`View::from_pose`]: crate::View::from_pose
     pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) {
+        if self.gpu.motion.origin() != scene.origin {
+            self.openness = Openness::new(scene);
+        }
         self.gpu.set_pose(scene, pose);
         (self.lights, self.directional) = light_data(scene, pose);
         self.pose.clone_from(pose);

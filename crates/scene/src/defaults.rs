@@ -66,7 +66,7 @@ impl Scene {
             far_m: None,
         };
         self.cameras.push(camera);
-        let node = node("default camera", eye, -towards);
+        let node = Node { offset: self.origin, ..node("default camera", eye, -towards) };
         self.nodes.push(Node { camera: Some(self.cameras.len() - 1), ..node });
     }
 
@@ -81,7 +81,7 @@ impl Scene {
             range_m: None,
         });
         let above = (lo + hi) / 2.0 + towards * (hi - lo).length();
-        let node = node("default sun", above, -towards);
+        let node = Node { offset: self.origin, ..node("default sun", above, -towards) };
         self.nodes.push(Node { light: Some(self.lights.len() - 1), ..node });
     }
 }

@@ -17,6 +17,7 @@ mod import;
 pub mod invariants;
 mod mesh;
 pub mod model;
+mod origin;
 mod pose;
 
 pub use error::SceneError;

@@ -34,6 +34,8 @@ pub fn read(source: &str, environment: Option<&str>) -> Result<Scene, Error> {
         scene.environment = Some(chiaro::environment::load(file, &mut scene.warnings)?);
     }
     scene.add_default_view();
+    let eye = View::from_scene(&scene, 0).map(|view| view.eye_ws().as_dvec3() + scene.origin);
+    scene.settle(eye);
     Ok(scene)
 }
 
