@@ -240,6 +240,7 @@ impl Renderer {
         let mut lights = scene.lights.clone();
         let inputs = FitInputs {
             bounds_ws: bounds,
+            casters: Some(&scene.casters),
             camera,
             settings: &settings.shadow,
             clamps_depth: self.kit.gpu.optional.depth_clip_control,

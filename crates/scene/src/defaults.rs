@@ -52,8 +52,9 @@ impl Scene {
     fn add_default_camera(&mut self) {
         let (lo, hi) = self.bounds_at(&self.pose(0.0)).unwrap_or((Vec3::NEG_ONE, Vec3::ONE));
         let center = (lo + hi) / 2.0;
+        let radius = ((hi - lo) / 2.0).length();
         // A point has no extent, but a camera must stand somewhere.
-        let radius = ((hi - lo) / 2.0).length().max(1e-4 * center.length().max(1.0));
+        let radius = if radius > 0.0 { radius } else { 1e-4 * center.length().max(1.0) };
         let towards = TOWARDS_CAMERA.normalize();
         let distance = framing_distance(lo - center, hi - center, towards).max(radius * 1e-2);
         let eye = center + distance * towards;

@@ -30,7 +30,10 @@ fn property(keys: &Keys) -> u8 {
 impl Scene {
     /// The pose without any animation.
     pub fn rest(&self) -> Pose {
-        self.multiplied_out(self.nodes.iter().map(|node| node.parent_from_node).collect(), self.rest_weights())
+        self.multiplied_out(
+            self.nodes.iter().map(|node| node.parent_from_node).collect(),
+            self.rest_weights(),
+        )
     }
 
     /// The pose at `time_s` seconds. Every animation of [`Scene::playing`] runs from time 0 and starts again when it
@@ -91,7 +94,6 @@ impl Scene {
         };
         self.nodes.iter().map(of).collect()
     }
-
 }
 
 /// Seconds into an animation that repeats. Its very end still shows the last key.

@@ -76,6 +76,11 @@ impl Stage {
         View::from_pose(&self.scene, &self.pose, camera)
     }
 
+    /// How fast one may fly through it, metres per second.
+    pub fn speeds(&self) -> std::ops::RangeInclusive<f32> {
+        1e-4 * self.size_m()..=1e2 * self.size_m()
+    }
+
     /// Length of the scene's diagonal, metres; 1 where there is nothing.
     pub fn size_m(&self) -> f32 {
         let (lo, hi) = self.loaded.gpu.bounds_ws;

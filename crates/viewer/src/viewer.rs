@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use chiaro::{Gpu, GpuError, Library, Recorder, Lookout, Settings, View, wgpu};
+use chiaro::{Gpu, GpuError, Library, Lookout, Recorder, Settings, View, wgpu};
 use egui_wgpu::ScreenDescriptor;
 
 use crate::buffers::{BUFFERS, Place};

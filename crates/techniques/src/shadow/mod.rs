@@ -18,6 +18,7 @@
 //! or scene changed: a map that rests is kept (`shadow.cache`).
 
 pub mod cascades;
+mod casters;
 pub mod moments;
 mod project;
 pub mod raster;
@@ -29,6 +30,7 @@ mod tests;
 mod tint;
 mod views;
 
+pub use casters::Casters;
 pub use record::{DrawView, ShadowMaps, ShadowOutputs};
 pub use settings::{
     CascadeSelect, Filter, Fit, Layout, PcfKernel, PointLayout, Raster, Representation, ShadowSettings, Sigma,

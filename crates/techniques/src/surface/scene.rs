@@ -287,9 +287,7 @@ impl SceneGpu {
         if scene.origin != origin {
             self.bounds_ws = bounds(scene, &scene.pose(0.0));
         }
-        if moved
-            && let Some(now) = self.motion.bounds_ws()
-        {
+        if moved && let Some(now) = self.motion.bounds_ws() {
             // A pose of somebody's own making may leave the bounds that the animations have.
             self.bounds_ws = motion::union(self.bounds_ws, now);
         }

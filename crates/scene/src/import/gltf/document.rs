@@ -51,11 +51,7 @@ pub(super) struct Parsed {
 }
 
 /// Parses `.gltf` or `.glb` bytes.
-pub(super) fn parse(
-    path: &Path,
-    mut bytes: Vec<u8>,
-    warnings: &mut Warnings,
-) -> Result<Parsed, SceneError> {
+pub(super) fn parse(path: &Path, mut bytes: Vec<u8>, warnings: &mut Warnings) -> Result<Parsed, SceneError> {
     let invalid = |place: &str, problem: String| SceneError::Invalid {
         path: path.to_owned(),
         place: place.to_owned(),
