@@ -2,7 +2,7 @@
 
 use anyhow::{Context, bail};
 use chiaro::scene::{HeightMap, LoadOptions, Pose, Scene, Source};
-use chiaro::{Gpu, GpuOptions, Kit, LoadedScene, Pipeline, Renderer, Settings, View, scene};
+use chiaro::{Gpu, GpuOptions, Kit, LoadedScene, Lookout, Pipeline, Renderer, Settings, View, scene};
 
 use crate::args::{self, SceneArgs, SettingsArgs};
 
@@ -24,11 +24,8 @@ enum Eye {
     /// The scene's camera of this number, which may move.
     Camera(usize),
     /// A place of the user's own.
-    Own(View),
+    Own(Lookout),
 }
-
-/// Near plane of `--view` cameras.
-const NEAR_M: f32 = 0.05;
 
 /// In the renderer's place where light is traced: no pass of a frame is compiled.
 pub struct Tracing {
@@ -110,8 +107,8 @@ impl<R> Session<R> {
         if size.iter().any(|&side| side > limit) {
             bail!("--size {}x{}: {} renders up to {limit}x{limit}", size[0], size[1], gpu.info.name);
         }
+        let (_, view) = settle(&mut scene, 0.0, eye)?;
         let (renderer, loaded) = load(&gpu, settings, &scene)?;
-        let view = see(&scene, &scene.pose(0.0), eye)?;
         Ok(Self {
             gpu,
             renderer,
@@ -131,9 +128,9 @@ impl<R> Session<R> {
 
     /// Moves scene and camera to a moment.
     pub fn go_to(&mut self, time_s: f64) -> anyhow::Result<()> {
-        let pose = self.source.pose(time_s);
+        let (pose, view) = settle(&mut self.source, time_s, self.eye)?;
         self.scene.set_pose(&self.source, &pose);
-        self.view = see(&self.source, &pose, self.eye)?;
+        self.view = view;
         Ok(())
     }
 }
@@ -153,9 +150,9 @@ pub fn source(args: &SceneArgs) -> Source {
 }
 
 /// A camera of the user's own.
-pub fn own_view(args: &SceneArgs) -> Option<View> {
+pub fn own_view(args: &SceneArgs) -> Option<Lookout> {
     let view = args.view.as_ref()?;
-    Some(View::look_at(view.eye_ws_m.into(), view.target_ws_m.into(), view.yfov_rad, NEAR_M))
+    Some(Lookout { eye_m: view.eye_m.into(), target_m: view.target_m.into(), yfov_rad: view.yfov_rad })
 }
 
 /// Opens the best device, and says when it is a slow one.
@@ -191,9 +188,22 @@ pub fn settings(args: &SettingsArgs) -> anyhow::Result<Settings> {
 
 fn see(scene: &Scene, pose: &Pose, eye: Eye) -> anyhow::Result<View> {
     match eye {
-        Eye::Own(view) => Ok(view),
+        Eye::Own(lookout) => Ok(lookout.view(scene)),
         Eye::Camera(index) => View::from_pose(scene, pose, index).context("the scene has no camera"),
     }
+}
+
+/// Lets world space count from near the eye; returns the pose that everything has then, and the view.
+fn settle(scene: &mut Scene, time_s: f64, eye: Eye) -> anyhow::Result<(Pose, View)> {
+    let pose = scene.pose(time_s);
+    let view = see(scene, &pose, eye)?;
+    let eye_m = view.eye_ws().as_dvec3() + scene.origin;
+    if !scene.settle(Some(eye_m)) {
+        return Ok((pose, view));
+    }
+    let pose = scene.pose(time_s);
+    let view = see(scene, &pose, eye)?;
+    Ok((pose, view))
 }
 
 fn eye(scene: &Scene, args: &SceneArgs) -> anyhow::Result<Eye> {

@@ -45,9 +45,9 @@ impl FromStr for Size {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// Where the camera is.
-    pub eye_ws_m: [f32; 3],
+    pub eye_m: [f64; 3],
     /// What it looks at; not the eye itself.
-    pub target_ws_m: [f32; 3],
+    pub target_m: [f64; 3],
     /// Angle from the lower to the upper edge of the image, between 0 and π.
     pub yfov_rad: f32,
 }
@@ -59,7 +59,7 @@ impl FromStr for View {
         let numbers = text
             .split(',')
             .map(|part| {
-                let number = part.trim().parse::<f32>().ok().filter(|number| number.is_finite());
+                let number = part.trim().parse::<f64>().ok().filter(|number| number.is_finite());
                 number.ok_or_else(|| format!("`{part}` is not a number"))
             })
             .collect::<Result<Vec<_>, _>>()?;
@@ -70,8 +70,8 @@ impl FromStr for View {
                 numbers.len()
             ));
         };
-        let (eye_ws_m, target_ws_m) = ([x, y, z], [tx, ty, tz]);
-        if eye_ws_m == target_ws_m {
+        let (eye_m, target_m) = ([x, y, z], [tx, ty, tz]);
+        if eye_m == target_m {
             return Err(
                 "the eye and the target are the same point, so there is no direction to look in".to_owned()
             );
@@ -79,7 +79,7 @@ impl FromStr for View {
         if yfov_deg <= 0.0 || yfov_deg >= 180.0 {
             return Err(format!("a field of view of {yfov_deg}° is not between 0° and 180°"));
         }
-        Ok(Self { eye_ws_m, target_ws_m, yfov_rad: yfov_deg.to_radians() })
+        Ok(Self { eye_m, target_m, yfov_rad: yfov_deg.to_radians() as f32 })
     }
 }
 
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn a_view_is_seven_numbers() {
         let view: View = "-1,2.5,3, 0,0,-4,90".parse().unwrap();
-        assert_eq!((view.eye_ws_m, view.target_ws_m), ([-1.0, 2.5, 3.0], [0.0, 0.0, -4.0]));
+        assert_eq!((view.eye_m, view.target_m), ([-1.0, 2.5, 3.0], [0.0, 0.0, -4.0]));
         assert!((view.yfov_rad - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
     }
 

@@ -24,7 +24,7 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
         bail!("{scene}: there is no such file; `chiaro scenes` lists the built-in scenes");
     }
     let camera = match (own_view(&args.scene), &args.scene.camera) {
-        (Some(view), _) => StartCamera::At(view),
+        (Some(lookout), _) => StartCamera::From(lookout),
         (None, Some(wanted)) => StartCamera::Named(wanted.clone()),
         (None, None) => StartCamera::First,
     };

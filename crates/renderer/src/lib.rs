@@ -47,4 +47,4 @@ pub use reference::{FirstHit, Integrator, Reference, ReferenceOptions};
 pub use renderer::Renderer;
 pub use settings::{Pipeline, Settings};
 pub use still::{Jitter, Still, StillOptions};
-pub use view::View;
+pub use view::{Lookout, View};

@@ -4,6 +4,7 @@ use chiaro_scene::{Pose, Scene};
 use chiaro_techniques::direct::{illuminance_scale, light_data};
 use chiaro_techniques::environment::EnvironmentMap;
 use chiaro_techniques::indirect::Openness;
+use chiaro_techniques::shadow::Casters;
 use chiaro_techniques::shared::frame::LightData;
 use chiaro_techniques::surface::SceneGpu;
 
@@ -20,6 +21,8 @@ pub struct LoadedScene {
     pub radiance_scale: f32,
     /// How much of the sky a place sees.
     pub openness: Openness,
+    /// What of it casts shadows.
+    pub casters: Casters,
     /// What surrounds the scene.
     pub environment: Option<EnvironmentMap>,
     /// How everything stands.
@@ -48,7 +51,9 @@ impl LoadedScene {
         let white = (PEAK_STORED * brightest / peak.max(1e-30)).clamp(LEAST_WHITE_STORED, WHITE_STORED);
         let octave = (white / brightest).log2().round().clamp(-60.0, 60.0);
         let openness = Openness::new(scene);
-        Self { gpu, lights, directional, radiance_scale: octave.exp2(), openness, environment, pose }
+        let casters = Casters::new(scene, &pose);
+        let radiance_scale = octave.exp2();
+        Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose }
     }
 
     /// How everything stands now.
@@ -57,8 +62,15 @@ impl LoadedScene {
     }
 
     /// Moves everything to a pose of the scene that this was loaded from, usually [`Scene::pose`] at a time. The next
-    /// frame shows it, and knows where everything was before. A loaded scene starts with the pose at time 0.
+    /// frame shows it, and knows where everything was before. A loaded scene starts with the pose at time 0. Where
+    /// [`Scene::settle`] has chosen another origin, views must count from it too, as [`View::from_pose`] does.
+    ///
+    /// [`View::from_pose`]: crate::View::from_pose
     pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) {
+        if self.gpu.motion.origin() != scene.origin {
+            self.openness = Openness::new(scene);
+            self.casters = Casters::new(scene, &scene.pose(0.0));
+        }
         self.gpu.set_pose(scene, pose);
         (self.lights, self.directional) = light_data(scene, pose);
         self.pose.clone_from(pose);

@@ -14,7 +14,7 @@ use chiaro_techniques::surface::culling::CullView;
 use chiaro_techniques::surface::raster::ComputeRaster;
 use chiaro_techniques::surface::{SceneFacts, SurfaceView, Surfaces};
 use chiaro_techniques::transparency::Transparency;
-use glam::{Mat4, Vec2, Vec3};
+use glam::{DVec3, Mat4, Vec2, Vec3};
 
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
 use crate::plan::{Built, Kit, Missing, Plan};
@@ -47,9 +47,10 @@ pub struct Renderer {
     generation: u64,
     pub(crate) pool: TexturePool,
     prepared: Option<Prepared>,
-    previous_clip_from_ws: Option<Mat4>,
+    // And the origin that it counts from.
+    previous_clip_from_ws: Option<(DVec3, Mat4)>,
     // For which scene and eye, and what it was.
-    sky_view: Option<(u64, Vec3, SkyView)>,
+    sky_view: Option<(u64, DVec3, SkyView)>,
     notes: Vec<String>,
 }
 
@@ -239,6 +240,7 @@ impl Renderer {
         let mut lights = scene.lights.clone();
         let inputs = FitInputs {
             bounds_ws: bounds,
+            casters: Some(&scene.casters),
             camera,
             settings: &settings.shadow,
             clamps_depth: self.kit.gpu.optional.depth_clip_control,
@@ -258,10 +260,11 @@ impl Renderer {
         // Behind everything is a light's own radiance.
         let sky = sky * show_direct;
         let diffuse = map.map_or([Mat4::ZERO; 3], |map| map.harmonics.turned(turn, factor * share));
+        let previous = self.previous_clip_from_ws.filter(|(origin, _)| *origin == scene.gpu.motion.origin());
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
-            previous_clip_from_ws: self.previous_clip_from_ws.unwrap_or(steady).to_cols_array_2d(),
+            previous_clip_from_ws: previous.map_or(steady, |(_, clip)| clip).to_cols_array_2d(),
             eye_ws: view.eye_ws().to_array(),
             orthographic: u32::from(view.is_orthographic()),
             forward_ws: view.forward_ws().to_array(),
@@ -290,7 +293,7 @@ impl Renderer {
             reserved2: 0,
             shadow: settings.shadow.parameters(),
         };
-        self.previous_clip_from_ws = Some(steady);
+        self.previous_clip_from_ws = Some((scene.gpu.motion.origin(), steady));
         let eye =
             if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };
         let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
@@ -340,12 +343,13 @@ impl Renderer {
 }
 
 /// How much sky the eye sees; looked up again only when it moved.
-fn sky_view(known: &mut Option<(u64, Vec3, SkyView)>, scene: &LoadedScene, eye_ws: Vec3) -> SkyView {
+fn sky_view(known: &mut Option<(u64, DVec3, SkyView)>, scene: &LoadedScene, eye_ws: Vec3) -> SkyView {
+    let place = eye_ws.as_dvec3() + scene.gpu.motion.origin();
     match *known {
-        Some((id, eye, view)) if id == scene.gpu.id() && eye == eye_ws => view,
+        Some((id, eye, view)) if id == scene.gpu.id() && eye == place => view,
         _ => {
             let view = scene.openness.sky_view(eye_ws);
-            *known = Some((scene.gpu.id(), eye_ws, view));
+            *known = Some((scene.gpu.id(), place, view));
             view
         }
     }

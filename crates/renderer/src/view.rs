@@ -1,12 +1,40 @@
 //! A camera at a place: matrices that shaders need.
 
 use chiaro_scene::{Pose, Projection, Scene};
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
+
+/// A place to look from, in the coordinates of a scene's file, whatever its origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lookout {
+    /// Where the eye is, metres.
+    pub eye_m: DVec3,
+    /// What it looks at, metres.
+    pub target_m: DVec3,
+    /// Angle from bottom to top.
+    pub yfov_rad: f32,
+}
+
+/// Near planes as shares of what is looked at. Reversed float depth keeps its precision whatever they are.
+const NEAR_SHARE: f32 = 1e-5;
+
+impl Lookout {
+    /// The view from here. Its near plane follows from the size of what is looked at: of the scene or, where that is less,
+    /// how far away the target is.
+    pub fn view(&self, scene: &Scene) -> View {
+        let (lo, hi) = scene.bounds_at(&scene.pose(0.0)).unwrap_or((Vec3::NEG_ONE, Vec3::ONE));
+        let (away, size) = (self.eye_m.distance(self.target_m) as f32, (hi - lo).length());
+        let near_m = NEAR_SHARE * if size > 0.0 { away.min(size) } else { away };
+        let eye = (self.eye_m - scene.origin).as_vec3();
+        // By its direction: a target close by may round to the eye's own place.
+        let forward = (self.target_m - self.eye_m).normalize_or(DVec3::NEG_Z).as_vec3();
+        View::looking(eye, forward, self.yfov_rad, near_m)
+    }
+}
 
 /// Where the picture is taken from, and through which lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Pose; looks along −Z, +Y up.
+    /// Pose in world space, which counts from [`Scene::origin`]; looks along −Z, +Y up.
     pub world_from_camera: Mat4,
     /// Lens.
     pub projection: Projection,
@@ -17,6 +45,8 @@ pub struct View {
 }
 
 const DEFAULT_FAR_M: f32 = 1000.0;
+/// Far below anything's size, but above zero.
+const LEAST_NEAR_M: f32 = 1e-20;
 
 impl View {
     /// The scene's camera number `index`, in the order its nodes place them, as it stands at time 0.
@@ -33,14 +63,17 @@ impl View {
         Some(Self {
             world_from_camera: Mat4::from_rotation_translation(rotation, translation),
             projection: camera.projection,
-            near_m: camera.near_m.max(1e-6),
+            near_m: camera.near_m.max(LEAST_NEAR_M),
             far_m: camera.far_m.unwrap_or(DEFAULT_FAR_M),
         })
     }
 
     /// A perspective camera at `eye` looking at `target`; `yfov_rad` from bottom to top.
     pub fn look_at(eye: Vec3, target: Vec3, yfov_rad: f32, near_m: f32) -> Self {
-        let forward = (target - eye).normalize_or(Vec3::NEG_Z);
+        Self::looking(eye, (target - eye).normalize_or(Vec3::NEG_Z), yfov_rad, near_m)
+    }
+
+    fn looking(eye: Vec3, forward: Vec3, yfov_rad: f32, near_m: f32) -> Self {
         // Straight up or down has no horizon: any right vector will do.
         let right = forward.cross(Vec3::Y).try_normalize().unwrap_or(Vec3::X);
         let up = right.cross(forward);
@@ -95,7 +128,7 @@ impl View {
                 )
             }
             Projection::Orthographic { half_height_m } => {
-                let a = 1.0 / (self.far_m - self.near_m).max(1e-6);
+                let a = 1.0 / (self.far_m - self.near_m).max(LEAST_NEAR_M);
                 Mat4::from_cols(
                     Vec4::new(1.0 / (half_height_m * aspect), 0.0, 0.0, 0.0),
                     Vec4::new(0.0, 1.0 / half_height_m, 0.0, 0.0),

@@ -52,8 +52,9 @@ impl Scene {
     fn add_default_camera(&mut self) {
         let (lo, hi) = self.bounds_at(&self.pose(0.0)).unwrap_or((Vec3::NEG_ONE, Vec3::ONE));
         let center = (lo + hi) / 2.0;
+        let radius = ((hi - lo) / 2.0).length();
         // A point has no extent, but a camera must stand somewhere.
-        let radius = ((hi - lo) / 2.0).length().max(1e-4 * center.length().max(1.0));
+        let radius = if radius > 0.0 { radius } else { 1e-4 * center.length().max(1.0) };
         let towards = TOWARDS_CAMERA.normalize();
         let distance = framing_distance(lo - center, hi - center, towards).max(radius * 1e-2);
         let eye = center + distance * towards;
@@ -66,7 +67,7 @@ impl Scene {
             far_m: None,
         };
         self.cameras.push(camera);
-        let node = node("default camera", eye, -towards);
+        let node = Node { offset: self.origin, ..node("default camera", eye, -towards) };
         self.nodes.push(Node { camera: Some(self.cameras.len() - 1), ..node });
     }
 
@@ -81,7 +82,7 @@ impl Scene {
             range_m: None,
         });
         let above = (lo + hi) / 2.0 + towards * (hi - lo).length();
-        let node = node("default sun", above, -towards);
+        let node = Node { offset: self.origin, ..node("default sun", above, -towards) };
         self.nodes.push(Node { light: Some(self.lights.len() - 1), ..node });
     }
 }

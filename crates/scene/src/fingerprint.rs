@@ -48,6 +48,8 @@ impl Scene {
             materials,
             textures,
             images,
+            // The same scene, however it is computed with.
+            origin: _,
             nodes,
             cameras: _,
             lights,

@@ -18,6 +18,7 @@ mod import;
 pub mod invariants;
 mod mesh;
 pub mod model;
+mod origin;
 mod pose;
 
 pub use asked::Source;

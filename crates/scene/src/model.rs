@@ -28,6 +28,9 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Decoded pixels.
     pub images: Vec<ImageData>,
+    /// Where world space counts from, in the file's own coordinates, metres; zero unless the scene is far from its file's
+    /// origin, see [`Scene::settle`]. Poses, bounds, views and all that is computed from them count from here.
+    pub origin: DVec3,
     /// Nodes in topological order: a parent stands before its children.
     pub nodes: Vec<Node>,
     /// Cameras; each is placed by the node that refers to it.
@@ -56,6 +59,8 @@ pub struct Node {
     pub parent: Option<Id>,
     /// Pose relative to the parent.
     pub parent_from_node: Transform,
+    /// Added to the pose's translation, metres, relative to the parent: what of a far place `f32` cannot hold.
+    pub offset: DVec3,
     /// Mesh drawn here. With a skin, the joints place it and this node's own pose counts for nothing.
     pub mesh: Option<Id>,
     /// Skin that bends the mesh; only together with one whose primitives all have [`Primitive::joints`].

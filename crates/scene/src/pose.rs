@@ -11,7 +11,7 @@ use crate::{Animation, Channel, Id, Interpolation, Keys, Scene, Transform};
 /// A scene's moving parts at one moment.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pose {
-    /// World transform of every node, in node order.
+    /// World transform of every node, in node order; the world counts from [`Scene::origin`].
     pub world_from_node: Vec<Affine3A>,
     /// Morph weights of every node; empty where its mesh has no morph targets.
     pub morph_weights: Vec<Vec<f32>>,
@@ -30,7 +30,10 @@ fn property(keys: &Keys) -> u8 {
 impl Scene {
     /// The pose without any animation.
     pub fn rest(&self) -> Pose {
-        self.assemble(self.nodes.iter().map(|node| node.parent_from_node).collect(), self.rest_weights())
+        self.multiplied_out(
+            self.nodes.iter().map(|node| node.parent_from_node).collect(),
+            self.rest_weights(),
+        )
     }
 
     /// The pose at `time_s` seconds. Every animation of [`Scene::playing`] runs from time 0 and starts again when it
@@ -44,7 +47,7 @@ impl Scene {
                 channel.apply(at_s, &mut local[channel.node], &mut weights[channel.node]);
             }
         }
-        self.assemble(local, weights)
+        self.multiplied_out(local, weights)
     }
 
     /// The animations that play: in the file's order, each that moves nothing an earlier one moves. A model's many
@@ -90,15 +93,6 @@ impl Scene {
             _ => node.morph_weights.clone(),
         };
         self.nodes.iter().map(of).collect()
-    }
-
-    fn assemble(&self, local: Vec<Transform>, morph_weights: Vec<Vec<f32>>) -> Pose {
-        let mut world: Vec<Affine3A> = Vec::with_capacity(local.len());
-        for (node, local) in self.nodes.iter().zip(local) {
-            let own = local.affine();
-            world.push(node.parent.map_or(own, |parent| world[parent] * own));
-        }
-        Pose { world_from_node: world, morph_weights }
     }
 }
 

@@ -46,6 +46,8 @@ pub fn read(Request { source, environment, strict }: &Request) -> Result<Scene, 
         scene.environment = Some(chiaro::environment::load(file, &mut scene.warnings)?);
     }
     scene.add_default_view();
+    let eye = View::from_scene(&scene, 0).map(|view| view.eye_ws().as_dvec3() + scene.origin);
+    scene.settle(eye);
     Ok(scene)
 }
 
@@ -85,6 +87,11 @@ impl Stage {
     /// The scene's camera of that number, at the present moment.
     pub fn view(&self, camera: usize) -> Option<View> {
         View::from_pose(&self.scene, &self.pose, camera)
+    }
+
+    /// How fast one may fly through it, metres per second.
+    pub fn speeds(&self) -> std::ops::RangeInclusive<f32> {
+        1e-4 * self.size_m()..=1e2 * self.size_m()
     }
 
     /// Length of the scene's diagonal, metres; 1 where there is nothing.

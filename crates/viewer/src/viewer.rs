@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use chiaro::scene::Source;
-use chiaro::{Gpu, GpuError, Library, Recorder, Settings, View, wgpu};
+use chiaro::{Gpu, GpuError, Library, Lookout, Recorder, Settings, View, wgpu};
 use egui_wgpu::ScreenDescriptor;
 
 use crate::buffers::{BUFFERS, Place};
@@ -28,8 +28,10 @@ pub enum StartCamera {
     First,
     /// The scene's camera of this name or number.
     Named(String),
-    /// One of your own.
+    /// One of your own, in the scene's world space.
     At(View),
+    /// One of your own, in the coordinates of the scene's file.
+    From(Lookout),
 }
 
 /// What a viewer starts with.
@@ -628,6 +630,7 @@ impl Viewer {
         self.eye = match std::mem::take(&mut self.start) {
             StartCamera::First => Eye::Placed(0),
             StartCamera::At(view) => Eye::Free(FlyCamera::new(view)),
+            StartCamera::From(lookout) => Eye::Free(FlyCamera::new(lookout.view(&stage.scene))),
             StartCamera::Named(wanted) => {
                 let by_name = stage.cameras.iter().position(|name| *name == wanted);
                 let by_number = || wanted.parse().ok().filter(|n| *n < stage.cameras.len());

@@ -39,6 +39,7 @@ pub fn about(
         (SCENE, session.scene_name.clone()),
         ("scene fingerprint", format!("{:016x}", session.source.fingerprint())),
         ("camera", camera(&session.view)),
+        ("origin", format!("{} m", session.source.origin)),
         ("settings", settings(session.renderer.settings())),
         ("seed", args.seed.to_string()),
         ("max depth", args.max_depth.to_string()),

@@ -70,7 +70,7 @@ pub fn load_with(scene: &str, options: &LoadOptions) -> Result<Scene, SceneError
 /// As [`load_with`]'s.
 pub fn load_from(files: &dyn Files, path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-    match extension.as_str() {
+    let mut scene = match extension.as_str() {
         "gltf" | "glb" => gltf::load(files, path, options),
         "obj" => obj::load(files, path, options),
         _ => Err(SceneError::Unsupported {
@@ -81,7 +81,9 @@ pub fn load_from(files: &dyn Files, path: &Path, options: &LoadOptions) -> Resul
             },
             advice: "load a .gltf, .glb or .obj file, or a built-in scene as `builtin:NAME`".to_owned(),
         }),
-    }
+    }?;
+    scene.settle(None);
+    Ok(scene)
 }
 
 /// Refuses the choice of another scene than the first where there is but one.

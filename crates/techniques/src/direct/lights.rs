@@ -54,7 +54,8 @@ pub fn grid_size([width, height]: [u32; 2], local_lights: usize) -> [u32; 4] {
 
 /// The largest illuminance that lights give at a typical distance, lux: what radiance is scaled by.
 pub fn illuminance_scale(lights: &[LightData], bounds_ws: (Vec3, Vec3)) -> f32 {
-    let extent = (bounds_ws.1 - bounds_ws.0).length().max(1e-3);
+    let extent = (bounds_ws.1 - bounds_ws.0).length();
+    let extent = if extent > 0.0 { extent } else { 1.0 };
     // A lamp lights what stands a tenth of the scene away from it.
     let distance = 0.1 * extent;
     let of = |light: &LightData| {

@@ -72,7 +72,9 @@ pub fn ambient(
     if settings.technique == Technique::None {
         return Ambient { radiance: [Vec4::ZERO; 3], sky: Vec3::ZERO, environment: 0.0 };
     }
-    let size = (bounds_ws.1 - bounds_ws.0).max(Vec3::splat(1e-3));
+    let size = bounds_ws.1 - bounds_ws.0;
+    // Even a point or a line has a surface here.
+    let size = if size == Vec3::ZERO { Vec3::ONE } else { size.max(Vec3::splat(1e-3 * size.max_element())) };
     let area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
     let mut sun = Vec3::ZERO;
     let mut radiance = [Vec4::ZERO; 3];

@@ -38,7 +38,7 @@ impl Openness {
     /// what is thinner than a cell stays closed, openings smaller than a cell close up.
     pub fn new(scene: &Scene) -> Self {
         let (lo, hi) = scene.bounds().unwrap_or((Vec3::ZERO, Vec3::ZERO));
-        let cell_m = ((hi - lo).max_element() / CELLS).max(1e-6);
+        let cell_m = ((hi - lo).max_element() / CELLS).max(f32::MIN_POSITIVE);
         let size = ((hi - lo) / cell_m).as_uvec3() + 1;
         let mut grid =
             Self { lo, cell_m, size, full: vec![0; (size.element_product() as usize).div_ceil(64)] };

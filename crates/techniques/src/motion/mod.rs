@@ -29,7 +29,7 @@ use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life};
 use chiaro_scene as cs;
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, DVec3, Vec3};
 
 use crate::shaders;
 use crate::surface::SceneGpu;
@@ -91,6 +91,11 @@ struct Bending {
 pub struct SceneMotion {
     // Instances that move as a whole, and their nodes.
     rigid: Vec<(u32, cs::Id)>,
+    // Those that move only with the origin of world space.
+    fixed: Vec<(u32, cs::Id)>,
+    origin: DVec3,
+    // Whether their places before are of another origin.
+    fixed_lag: bool,
     bending: Vec<Bending>,
     movers: Vec<Mover>,
     buffers: Buffers,
@@ -115,6 +120,7 @@ struct Buffers {
 pub(crate) struct MotionBuilder {
     pub rest: Rest,
     rigid: Vec<(u32, cs::Id)>,
+    fixed: Vec<(u32, cs::Id)>,
     bending: Vec<Bending>,
     jobs: Vec<DeformJob>,
     matrices: u32,
@@ -125,6 +131,11 @@ impl MotionBuilder {
     /// Notes an instance whose node moves.
     pub fn add_rigid(&mut self, instance: u32, node: cs::Id) {
         self.rigid.push((instance, node));
+    }
+
+    /// Notes an instance whose node rests.
+    pub fn add_fixed(&mut self, instance: u32, node: cs::Id) {
+        self.fixed.push((instance, node));
     }
 
     /// Notes a node whose mesh bends, drawn by these clusters, which were cut in the order of the mesh's primitives.
@@ -169,7 +180,8 @@ impl MotionBuilder {
         let buffers = Buffers {
             moves: room(
                 "instance_moves",
-                ((self.rigid.len() + self.bending.len()) * size_of::<InstanceMove>()) as u64,
+                ((self.rigid.len() + self.fixed.len() + self.bending.len()) * size_of::<InstanceMove>())
+                    as u64,
             ),
             jobs: Buffer::with_data(gpu, "deform_jobs", &self.jobs, storage),
             rest: Buffer::with_data(gpu, "rest", &self.rest.words, storage),
@@ -180,6 +192,9 @@ impl MotionBuilder {
         let mut motion = SceneMotion {
             movers: nodes.iter().map(|&node| Mover::new(scene, node)).collect(),
             rigid: self.rigid,
+            fixed: self.fixed,
+            origin: scene.origin,
+            fixed_lag: false,
             bending: self.bending,
             buffers,
             job_count: self.jobs.len() as u32,
@@ -198,7 +213,11 @@ impl MotionBuilder {
 impl SceneMotion {
     /// Takes a pose of the scene; whether anything is elsewhere than before.
     pub(crate) fn set(&mut self, scene: &cs::Scene, pose: &cs::Pose) -> bool {
-        let rigid = self.rigid.iter().map(|&(instance, node)| {
+        let moved_origin = scene.origin != self.origin;
+        let with_fixed = moved_origin || std::mem::take(&mut self.fixed_lag);
+        (self.origin, self.fixed_lag) = (scene.origin, moved_origin);
+        let fixed = self.fixed.iter().filter(|_| with_fixed);
+        let rigid = self.rigid.iter().chain(fixed).map(|&(instance, node)| {
             InstanceMove::new(instance, &instance_data(&pose.world_from_node[node], node as u32))
         });
         // What bends is stored in world space; but a mirror still turns its triangles over.
@@ -231,10 +250,16 @@ impl SceneMotion {
         }
         self.moves = moves;
         self.pose = words;
-        self.generation += 1;
+        // Two steps where everything is elsewhere: what was kept of any place holds no more.
+        self.generation += if moved_origin { 2 } else { 1 };
         self.bounds_before = std::mem::take(&mut self.bounds);
         self.bounds = self.movers.iter().map(|mover| mover.bounds_ws(scene, pose)).collect();
         true
+    }
+
+    /// What world space counts from, in the coordinates of the scene's file, metres.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
     }
 
     /// Counts poses: two frames of the same number show the same.

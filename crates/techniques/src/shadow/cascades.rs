@@ -13,7 +13,8 @@ use chiaro_gpu::{
 };
 use glam::{Mat3, Mat4, Vec2, Vec3};
 
-use super::project::{corners, light_axes, reversed_orthographic};
+use super::casters::Shadowed;
+use super::project::{corners, light_axes, reversed_orthographic, slack};
 use super::record::DrawView;
 use super::views::{Maker, ShadowView, ShadowViews};
 use super::{CameraView, CascadeSelect, Fit, FitInputs, Representation};
@@ -87,7 +88,7 @@ impl Rays {
         let rays = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
             let near = camera.ws_from_clip.project_point3(Vec3::new(x, y, 1.0));
             let further = camera.ws_from_clip.project_point3(Vec3::new(x, y, 0.5));
-            let step = (further - near) / camera.forward_ws.dot(further - near).max(1e-12);
+            let step = (further - near) / camera.forward_ws.dot(further - near).max(1e-30);
             near_m = depth(near).max(0.0);
             (near - step * depth(near), step)
         });
@@ -103,11 +104,17 @@ impl Rays {
     }
 }
 
-/// View depths that hold everything visible, whichever way the camera looks.
+/// A box's diagonal; that of a point is 1.
+fn extent((lo, hi): (Vec3, Vec3)) -> f32 {
+    let length = (hi - lo).length();
+    if length > 0.0 { length } else { 1.0 }
+}
+
+/// View depths that hold everything visible that shadows may fall on, whichever way the camera looks.
 fn reach(camera: &CameraView, rays: &Rays, (lo, hi): (Vec3, Vec3)) -> (f32, f32) {
     let eye = camera.eye_ws;
     let furthest = corners((lo, hi)).into_iter().map(|c| c.distance(eye)).fold(0.0, f32::max);
-    let size = (hi - lo).length().max(1e-3);
+    let size = extent((lo, hi));
     let end = size * (furthest / size).max(1.0).log2().ceil().exp2();
     if rays.is_orthographic() {
         return (rays.near_m, end);
@@ -135,7 +142,7 @@ fn sphere(rays: &Rays, begin: f32, end: f32) -> (Vec3, f32) {
     let middle = |c: &[Vec3; 4]| c.iter().sum::<Vec3>() / 4.0;
     let (a, b) = (middle(&near), middle(&far));
     let (near_r, far_r) = (near[0].distance(a), far[0].distance(b));
-    let height2 = a.distance_squared(b).max(1e-12);
+    let height2 = a.distance_squared(b).max(1e-30);
     // The point of the axis as far from the near corners as from the far ones.
     let t = ((height2 + far_r * far_r - near_r * near_r) / (2.0 * height2)).clamp(0.0, 1.0);
     let center = a + (b - a) * t;
@@ -148,13 +155,12 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut Sha
     let inputs = make.inputs;
     let (camera, settings) = (&inputs.camera, inputs.settings);
     let rays = Rays::of(camera);
-    let range = reach(camera, &rays, inputs.bounds_ws);
+    let Shadowed { casting, region } = make.shadowed(light.direction_ws.into());
+    let range = reach(camera, &rays, region);
     let axes = Mat3::from_quat(light_axes(light.direction_ws.into()));
-    let scene = (
-        axes * (0.5 * (inputs.bounds_ws.0 + inputs.bounds_ws.1)),
-        0.5 * (inputs.bounds_ws.1 - inputs.bounds_ws.0).length().max(1e-3) * 1.001,
-    );
-    let along = along(&axes, inputs);
+    // Nothing that a map could show is wider, across the light, than what casts.
+    let scene = (axes * (0.5 * (casting.0 + casting.1)), 0.5 * extent(casting) * 1.001);
+    let along = along(&axes, region, inputs);
     // What a finer cascade is sure to be looked up for, the next need not draw. That is so where a cascade is chosen by its
     // sides alone: not by distance, and not by how deep a short range for moments reaches.
     let holes = settings.cascade_select == CascadeSelect::Projection && !along.own_far;
@@ -202,12 +208,12 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, first: u32, out: &mut Sha
     }
 }
 
-/// How far cascades reach along the light: through the whole scene, whose casters and receivers are all there is. Moments
-/// want a short range to be precise in.
-fn along(axes: &Mat3, inputs: &FitInputs<'_>) -> Along {
-    let depths = corners(inputs.bounds_ws).map(|corner| -(*axes * corner).z);
+/// How far cascades reach along the light: through all casters and receivers that there are. Moments want a short range to
+/// be precise in.
+fn along(axes: &Mat3, region: (Vec3, Vec3), inputs: &FitInputs<'_>) -> Along {
+    let depths = corners(region).map(|corner| -(*axes * corner).z);
     let (near, far) = depths.into_iter().fold((f32::MAX, f32::MIN), |(n, f), d| (n.min(d), f.max(d)));
-    let slack = 1e-3 * (far - near).max(1e-3);
+    let slack = slack(near, far, region);
     let moments = inputs.settings.representation != Representation::Depth;
     Along {
         near_m: near - slack,

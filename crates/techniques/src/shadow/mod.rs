@@ -18,6 +18,7 @@
 //! or scene changed: a map that rests is kept (`shadow.cache`).
 
 pub mod cascades;
+mod casters;
 pub mod moments;
 mod project;
 mod record;
@@ -28,6 +29,7 @@ mod tests;
 mod tint;
 mod views;
 
+pub use casters::Casters;
 pub use record::{DrawView, ShadowMaps, ShadowOutputs};
 pub use settings::{
     CascadeSelect, Darkens, Filter, Fit, Layout, PcfKernel, PointLayout, Representation, ShadowSettings,

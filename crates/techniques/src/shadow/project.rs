@@ -10,6 +10,12 @@ pub fn corners((lo, hi): (Vec3, Vec3)) -> [Vec3; 8] {
     })
 }
 
+/// What a range of depths along the light through a box is widened by, so that nothing lies on its ends.
+pub fn slack(near: f32, far: f32, (lo, hi): (Vec3, Vec3)) -> f32 {
+    let least = (1e-6 * (hi - lo).length()).max(1e-6 * near.abs().max(far.abs()));
+    (1e-3 * (far - near)).max(least).max(f32::MIN_POSITIVE)
+}
+
 /// World axes → the light's, which looks along −Z.
 pub fn light_axes(direction: Vec3) -> Quat {
     let x = direction.any_orthonormal_vector();

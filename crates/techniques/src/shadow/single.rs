@@ -1,14 +1,14 @@
-//! One map per sun, around what the camera can see of the scene.
+//! One map per sun, around what the camera can see of where its shadows are.
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::CameraView;
-use super::project::{corners, light_axes, reversed_orthographic};
+use super::project::{corners, light_axes, reversed_orthographic, slack};
 use super::views::{Maker, ShadowView};
 use crate::shared::frame::{LightData, ShadowViewData};
 
 pub(super) fn fit(light: &LightData, make: &Maker<'_>, layer: u32) -> ShadowView {
-    let bounds = make.inputs.bounds_ws;
+    let bounds = make.shadowed(light.direction_ws.into()).region;
     let resolution = make.resolution;
     let direction = Vec3::from(light.direction_ws);
     let axes = light_axes(direction);
@@ -26,7 +26,7 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, layer: u32) -> ShadowView
     let center = lo + 0.5 * size;
     // All casters between the sun and the receivers: the whole scene along the light.
     let (near, far) = (-scene.1.z, -scene.0.z);
-    let slack = 1e-3 * (far - near).max(1e-3);
+    let slack = slack(near, far, bounds);
     let (near, far) = (near - slack, far + slack);
     let clip_from_ls =
         reversed_orthographic(0.5 * size, near, far) * Mat4::from_translation((-center).extend(0.0));
@@ -45,7 +45,7 @@ pub(super) fn fit(light: &LightData, make: &Maker<'_>, layer: u32) -> ShadowView
 fn snapped(lo: Vec2, hi: Vec2, resolution: u32, border: f32) -> (Vec2, Vec2) {
     let step = |length: f32| {
         // Sizes in quarter octaves, with room for filters.
-        let wanted = length.max(1e-4) / (1.0 - 2.0 * border / resolution as f32);
+        let wanted = length.max(1e-30) / (1.0 - 2.0 * border / resolution as f32);
         (0.25 * (4.0 * wanted.log2()).ceil()).exp2()
     };
     let size = Vec2::new(step(hi.x - lo.x), step(hi.y - lo.y));

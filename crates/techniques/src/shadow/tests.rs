@@ -39,7 +39,10 @@ fn fitted(
     camera: CameraView,
     settings: &ShadowSettings,
 ) -> ShadowViews {
-    fit(lights, &FitInputs { bounds_ws, camera, settings, clamps_depth: true, see_through: false })
+    fit(
+        lights,
+        &FitInputs { bounds_ws, casters: None, camera, settings, clamps_depth: true, see_through: false },
+    )
 }
 
 fn single() -> ShadowSettings {

@@ -2,9 +2,10 @@
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
+use super::casters::Shadowed;
 use super::moments::Moments;
 use super::project::{corners, light_axes, reversed_perspective};
-use super::{Filter, Layout, PointLayout, ShadowSettings, cascades, single};
+use super::{Casters, Filter, Layout, PointLayout, ShadowSettings, cascades, single};
 use crate::shared::frame::{LightData, ShadowViewData};
 use crate::surface::culling::Hole;
 
@@ -59,6 +60,8 @@ pub struct ShadowViews {
 pub struct FitInputs<'a> {
     /// The scene, casters and receivers.
     pub bounds_ws: (Vec3, Vec3),
+    /// What of it casts shadows, so that suns' maps reach no farther; `None`: anything may.
+    pub casters: Option<&'a Casters>,
     /// Who looks.
     pub camera: CameraView,
     /// How.
@@ -200,11 +203,18 @@ impl Maker<'_> {
         }
     }
 
+    /// Where a sun's shadows may be: all that casts, and all that it casts on.
+    pub fn shadowed(&self, direction: Vec3) -> Shadowed {
+        let all = self.inputs.bounds_ws;
+        let casters = self.inputs.casters.and_then(|casters| casters.shadowed(direction, all));
+        casters.unwrap_or(Shadowed { casting: all, region: all })
+    }
+
     /// Near and far distance of a local light.
     fn range(&self, eye: Vec3) -> (f32, f32) {
         let bounds = self.inputs.bounds_ws;
         let reach = corners(bounds).into_iter().map(|corner| corner.distance(eye)).fold(0.0, f32::max);
-        let near = (NEAR_SHARE * (bounds.1 - bounds.0).length()).max(1e-6);
+        let near = (NEAR_SHARE * (bounds.1 - bounds.0).length()).max(NEAR_SHARE * 1e-3 * reach).max(1e-30);
         (near, (1.01 * reach).max(2.0 * near))
     }
 

@@ -60,7 +60,7 @@ impl CullView {
         let planes = [w + x, w - x, w + y, w - y, z, near].map(|plane| {
             let length = plane.xyz().length();
             // An infinite far plane has no normal: nothing is beyond it.
-            if length > 1e-12 { (plane / length).to_array() } else { [0.0, 0.0, 0.0, 1.0] }
+            if length > 1e-30 { (plane / length).to_array() } else { [0.0, 0.0, 0.0, 1.0] }
         });
         Self {
             planes,
@@ -73,7 +73,7 @@ impl CullView {
     /// A view of all on a plane's positive side.
     pub fn of_plane(plane: Vec4, eye_ws: Vec4) -> Self {
         let mut planes = [[0.0, 0.0, 0.0, 1.0]; 6];
-        planes[0] = (plane / plane.xyz().length().max(1e-12)).to_array();
+        planes[0] = (plane / plane.xyz().length().max(1e-30)).to_array();
         Self { planes, eye_ws: eye_ws.to_array(), flags: [0; 4], hole: [[0.0; 4]; 2] }
     }
 

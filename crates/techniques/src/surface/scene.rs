@@ -188,6 +188,8 @@ impl Cut {
             } else {
                 if moving[node] {
                     motion.add_rigid(instance, node);
+                } else {
+                    motion.add_fixed(instance, node);
                 }
                 instances.push(instance_data(world, node as u32));
                 let cut = || heap.add_mesh(&scene.meshes[mesh], &scene.materials);
@@ -281,11 +283,7 @@ impl SceneGpu {
             item_count: items.len() as u32,
             class_first,
             triangle_count: triangles as u32,
-            bounds_ws: [scene.bounds_at(&pose), bounds_over_time(scene)]
-                .into_iter()
-                .flatten()
-                .reduce(motion::union)
-                .unwrap_or_default(),
+            bounds_ws: bounds(scene, &pose),
             glows: scene.materials.iter().any(material::glows),
             unlit: scene.materials.iter().any(material::is_unlit),
             facts: SceneFacts::of(scene, texture_facts),
@@ -295,9 +293,12 @@ impl SceneGpu {
 
     /// Takes a pose, to be carried out with the next frame.
     pub fn set_pose(&mut self, scene: &cs::Scene, pose: &cs::Pose) {
-        if self.motion.set(scene, pose)
-            && let Some(now) = self.motion.bounds_ws()
-        {
+        let origin = self.motion.origin();
+        let moved = self.motion.set(scene, pose);
+        if scene.origin != origin {
+            self.bounds_ws = bounds(scene, &scene.pose(0.0));
+        }
+        if moved && let Some(now) = self.motion.bounds_ws() {
             // A pose of somebody's own making may leave the bounds that the animations have.
             self.bounds_ws = motion::union(self.bounds_ws, now);
         }
@@ -328,6 +329,12 @@ impl SceneGpu {
     pub fn group(&self) -> &Group {
         &self.group
     }
+}
+
+/// Around everything at all times.
+fn bounds(scene: &cs::Scene, pose: &cs::Pose) -> (Vec3, Vec3) {
+    let boxes = [scene.bounds_at(pose), bounds_over_time(scene)];
+    boxes.into_iter().flatten().reduce(motion::union).unwrap_or_default()
 }
 
 fn check(gpu: &Gpu, items: &[ItemData], triangles: u64, heap: u64) -> Result<(), GpuError> {

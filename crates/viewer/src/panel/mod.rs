@@ -229,8 +229,10 @@ impl Viewer {
         if lost_focus {
             self.panel.grabs_mouse = false;
         }
-        if self.panel.scrolled != 0.0 {
-            self.speed = (self.speed * (self.panel.scrolled * 0.004).exp()).clamp(1e-4, 1e6);
+        if let Some(stage) = self.stage.as_ref().filter(|_| self.panel.scrolled != 0.0) {
+            let speeds = stage.speeds();
+            let wanted = self.speed * (self.panel.scrolled * 0.004).exp();
+            self.speed = wanted.clamp(*speeds.start(), *speeds.end());
         }
         let steering = Steering {
             push: if self.panel.flies { ctx.input(push) } else { Vec3::ZERO },

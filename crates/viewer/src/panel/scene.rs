@@ -58,7 +58,10 @@ impl Viewer {
             }
         });
         ui.add(
-            Slider::new(&mut self.speed, 1e-3..=1e4).logarithmic(true).suffix(" m/s").text("flying speed"),
+            Slider::new(&mut self.speed, stage.speeds())
+                .logarithmic(true)
+                .suffix(" m/s")
+                .text("flying speed"),
         );
     }
 

@@ -6,8 +6,10 @@ use ::gltf::json::mesh::Semantic;
 use ::gltf::json::validation::{Checked, Error, Validate};
 use ::gltf::json::{Root, Value, deserialize};
 use ::gltf::{Document, Glb};
+use glam::DVec3;
 
 use super::super::warnings::Warnings;
+use super::far;
 use crate::SceneError;
 
 /// Extensions that this importer honours.
@@ -39,12 +41,17 @@ fn advice(extension: &str) -> &'static str {
     }
 }
 
-/// Parses `.gltf` or `.glb` bytes; returns the document and the GLB's binary chunk.
-pub(super) fn parse(
-    path: &Path,
-    mut bytes: Vec<u8>,
-    warnings: &mut Warnings,
-) -> Result<(Document, Option<Vec<u8>>), SceneError> {
+/// What is in a file.
+pub(super) struct Parsed {
+    pub(super) document: Document,
+    /// The GLB's binary chunk.
+    pub(super) blob: Option<Vec<u8>>,
+    /// See [`far::remainders`].
+    pub(super) remainders: Vec<DVec3>,
+}
+
+/// Parses `.gltf` or `.glb` bytes.
+pub(super) fn parse(path: &Path, mut bytes: Vec<u8>, warnings: &mut Warnings) -> Result<Parsed, SceneError> {
     let invalid = |place: &str, problem: String| SceneError::Invalid {
         path: path.to_owned(),
         place: place.to_owned(),
@@ -116,8 +123,8 @@ pub(super) fn parse(
     if let Some(problem) = problem {
         return Err(problem);
     }
-    let document = Document::from_json_without_validation(root);
-    Ok((document, blob))
+    let remainders = far::remainders(&root, json);
+    Ok(Parsed { document: Document::from_json_without_validation(root), blob, remainders })
 }
 
 /// A document that the crate does not parse: of another version, with exotic extensions, which are refused by name, with

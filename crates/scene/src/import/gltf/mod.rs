@@ -9,6 +9,7 @@ mod animation;
 mod buffers;
 mod deform;
 mod document;
+mod far;
 mod instancing;
 mod material;
 mod meshopt;
@@ -24,6 +25,7 @@ use ::gltf::Document;
 
 use self::accessor::Accessors;
 use self::buffers::Buffers;
+use self::document::Parsed;
 use self::material::Materials;
 use self::primitive::Meshes;
 use super::files::Files;
@@ -45,7 +47,7 @@ pub(super) fn from_bytes(
     options: &LoadOptions,
 ) -> Result<Scene, SceneError> {
     let mut warnings = Warnings::new(options.strict);
-    let (document, blob) = document::parse(path, bytes, &mut warnings)?;
+    let Parsed { document, blob, remainders } = document::parse(path, bytes, &mut warnings)?;
     let file = File { path, files, limits: &options.limits, document: &document };
     let buffers = Buffers::read(file, blob)?;
     let mut materials = Materials::new(file, &buffers);
@@ -62,6 +64,7 @@ pub(super) fn from_bytes(
     let mut nodes = node::convert(&mut meshes, options.scene.as_deref(), &mut scene, &mut warnings)?;
     skin::convert(&mut meshes, &mut nodes, &mut scene, &mut warnings)?;
     animation::convert(&mut meshes, &nodes, &mut scene, &mut warnings)?;
+    far::place(&mut scene, &nodes.ids, &remainders);
     materials.finish(&mut scene);
     if scene.triangle_count() == 0 {
         let meshes = document.nodes().filter(|node| node.mesh().is_some()).count();

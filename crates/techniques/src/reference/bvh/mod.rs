@@ -46,6 +46,7 @@ mod upper;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, Gpu, GpuError};
 use chiaro_scene as cs;
+use glam::DVec3;
 use obvhs::aabb::Aabb;
 
 pub(crate) use gather::TriangleRef;
@@ -109,6 +110,7 @@ struct Parts {
     upper: usize,
     header: [Word; HEADER],
     lamps: Lamps,
+    origin: DVec3,
 }
 
 /// [`TraceData`] on the GPU.
@@ -176,7 +178,7 @@ impl TraceData {
         words[upper..upper + upper_words.len()].copy_from_slice(&upper_words);
         words[0][0] = root;
         let header = std::array::from_fn(|i| words[i]);
-        let parts = Parts { placed, upper, header, lamps: Lamps::new(scene, pose) };
+        let parts = Parts { placed, upper, header, lamps: Lamps::new(scene, pose), origin: scene.origin };
         Self { words, facts: TraceFacts { levels, masks }, parts, plan }
     }
 
@@ -219,10 +221,14 @@ impl TraceScene {
     }
 
     /// Takes a new pose of the scene that this was built from, for the commands submitted next; what bends follows with
-    /// [`Refit::record`]. `false` when only building anew will do: a glowing triangle has stopped or begun to be finite.
+    /// [`Refit::record`]. `false` when only building anew will do: the scene's origin is another, or a glowing triangle has
+    /// stopped or begun to be finite.
     #[must_use]
     pub fn update(&mut self, gpu: &Gpu, scene: &cs::Scene, pose: &cs::Pose) -> bool {
         let parts = &mut self.parts;
+        if parts.origin != scene.origin {
+            return false;
+        }
         let write = |first: usize, words: &[Word]| {
             gpu.queue.write_buffer(
                 self.words.raw(),

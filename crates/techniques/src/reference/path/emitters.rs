@@ -58,7 +58,7 @@ impl Emitters {
             lights: light_data(scene, pose).0.iter().map(flux).collect(),
             triangles: Vec::new(),
             environment: environment.map(|(table, _)| table),
-            environment_flux: 4.0 * PI * mean * disc.max(1e-6),
+            environment_flux: 4.0 * PI * mean * disc.max(f32::MIN_POSITIVE),
         }
     }
 

@@ -252,7 +252,7 @@ impl PhotonTracer {
             caustics_only: u32::from(options.caustics_only),
             pixel_m2,
             step: typical_nits / STEPS,
-            radius_m: RADIUS * (hi - lo).length().max(1e-6) * shrunk,
+            radius_m: RADIUS * (hi - lo).length().max(1e-30) * shrunk,
             shrunk,
             footprint: RADIUS_PX * (pixel_m2 / PI).sqrt(),
             share: 1.0 / (map.lanes as f32 * samples as f32),
