@@ -18,6 +18,7 @@ mod pipelines;
 mod references;
 mod robust;
 mod shadow_cascades;
+mod shadow_low_light;
 mod shadow_moments;
 mod shadow_raster;
 mod shadow_table;
