@@ -20,6 +20,7 @@ mod references;
 mod robust;
 mod seen;
 mod shadow_cascades;
+mod shadow_low_light;
 mod shadow_moments;
 mod shadow_raster;
 mod shadow_table;
