@@ -1,6 +1,5 @@
 //! The renderer with the passes that make its frames visible, and how both are compiled beside the frame.
 
-use chiaro::scene::Source;
 use chiaro::techniques::post::{Accumulator, AovPass, DebugView, Display};
 use chiaro::{Built, Error, Gpu, GpuError, Kit, Plan, Renderer, Settings};
 
