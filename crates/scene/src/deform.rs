@@ -88,7 +88,9 @@ fn triangle_normals(indices: &[u32], positions: &[Vec3]) -> Vec<Vec3> {
     for corners in indices.as_chunks::<3>().0 {
         let at = corners.map(|vertex| positions[vertex as usize].as_dvec3());
         let normal = mesh::unit(mesh::area_normal(at)).unwrap_or(mesh::FALLBACK);
-        corners.iter().for_each(|&vertex| normals[vertex as usize] = normal);
+        for &vertex in corners {
+            normals[vertex as usize] = normal;
+        }
     }
     normals
 }
