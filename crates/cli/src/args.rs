@@ -127,7 +127,8 @@ pub struct SceneArgs {
     /// plane of an orthographic one: perspective cameras see to infinity
     #[arg(long, value_name = "INDEX|NAME", conflicts_with = "view")]
     pub camera: Option<String>,
-    /// A camera of your own: its position and target in metres, and its vertical field of view in degrees
+    /// A camera of your own: its position and target in metres, and its vertical field of view in degrees; its near
+    /// plane follows from the size of what is looked at
     #[arg(long, value_name = "x,y,z,tx,ty,tz,yfov_deg", allow_hyphen_values = true)]
     pub view: Option<View>,
     /// A Radiance HDR or EXR picture of the surroundings (latitude-longitude), which lights the scene

@@ -27,7 +27,7 @@ use std::ops::Range;
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
-use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life};
+use chiaro_gpu::{Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life};
 use chiaro_scene as cs;
 use glam::{Affine3A, DVec3, Vec3};
 
@@ -347,8 +347,9 @@ impl Motion {
         let buffers = &motion.buffers;
         if !motion.moves.is_empty() {
             frame.upload(&buffers.moves, &motion.moves);
-            let binds =
-                [("moves", (&buffers.moves).into()), ("instances", (&scene.buffers.instances).into())];
+            // There is room for all instances, of which as many move as the shader sees.
+            let moves = Binding::BufferRange(&buffers.moves, 0, size_of_val(&motion.moves[..]) as u64);
+            let binds = [("moves", moves), ("instances", (&scene.buffers.instances).into())];
             let threads = Dispatch::Threads([motion.moves.len() as u32, 1, 1]);
             frame.compute("motion/instances", &self.instances, &[], &binds, threads);
         }

@@ -305,3 +305,67 @@ fn every_pair_of_representation_and_filter_is_taken_or_refused_with_a_reason() {
     }
     assert_eq!(taken, 3 + 5 * 4);
 }
+
+/// Quads of half sides in the plane y = `height`, each around its middle, and a box of 1 m on the origin.
+fn grounds(quads: &[(Vec3, f32)]) -> chiaro_scene::Scene {
+    use chiaro_scene::{Mesh, Node, Primitive, Scene};
+    let flat = |(at, half): (Vec3, f32)| Primitive {
+        positions: [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)]
+            .map(|(x, z)| at + half * Vec3::new(x, 0.0, z))
+            .to_vec(),
+        indices: vec![0, 1, 2, 0, 2, 3],
+        ..Primitive::default()
+    };
+    let solid = Primitive {
+        positions: corners((Vec3::new(-0.5, 0.0, -0.5), Vec3::new(0.5, 1.0, 0.5))).to_vec(),
+        indices: vec![
+            0, 1, 3, 0, 3, 2, 4, 6, 7, 4, 7, 5, 0, 4, 5, 0, 5, 1, 2, 3, 7, 2, 7, 6, 0, 2, 6, 0, 6, 4, 1, 5,
+            7, 1, 7, 3,
+        ],
+        ..Primitive::default()
+    };
+    let primitives: Vec<_> = quads.iter().copied().map(flat).chain([solid]).collect();
+    let count = primitives.len();
+    let mesh = |primitive| Mesh { primitives: vec![primitive], ..Mesh::default() };
+    Scene {
+        meshes: primitives.into_iter().map(mesh).collect(),
+        materials: vec![chiaro_scene::Material::default()],
+        nodes: (0..count).map(|mesh| Node { mesh: Some(mesh), ..Node::default() }).collect(),
+        ..Scene::default()
+    }
+}
+
+/// The finest texel of a sun's cascades, metres, for a camera 5 m above the ground.
+fn finest(quads: &[(Vec3, f32)], yaw: f32) -> f32 {
+    let scene = grounds(quads);
+    let (bounds_ws, casters) = (scene.bounds().unwrap(), Casters::new(&scene, &scene.rest()));
+    let settings = ShadowSettings::default();
+    let camera = turned(Vec3::new(3.0, 5.0, 4.0), yaw);
+    let inputs = FitInputs {
+        bounds_ws,
+        casters: Some(&casters),
+        camera,
+        settings: &settings,
+        clamps_depth: true,
+        see_through: false,
+    };
+    fit(&mut [light(LightData::DIRECTIONAL, Vec3::new(0.5, -1.0, 0.2))], &inputs).views[0].data.texel_m
+}
+
+#[test]
+fn ground_that_casts_on_nothing_makes_no_map_coarser_whatever_its_size_and_tiles() {
+    for half in [150.0, 1.5e3, 5e4] {
+        let tiles = [(-half, -half), (half, -half), (-half, half), (half, half)];
+        let tiles = tiles.map(|(x, z)| (Vec3::new(x, 0.0, z), half));
+        for yaw in [0.0, 1.0, 3.0] {
+            assert!(finest(&[(Vec3::ZERO, half)], yaw) < 0.01, "{half} m");
+            assert!(finest(&tiles, yaw) < 0.01, "tiles of {half} m");
+        }
+    }
+}
+
+#[test]
+fn a_roof_over_everything_and_ground_below_other_ground_are_casters() {
+    let (ground, roof) = ((Vec3::ZERO, 1500.0), (Vec3::Y * 20.0, 1500.0));
+    assert!(finest(&[ground, roof], 0.0) > 0.05, "the roof casts on the ground");
+}

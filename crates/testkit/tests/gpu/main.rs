@@ -8,6 +8,7 @@ mod chi_square;
 mod culling;
 mod emitter_sample;
 mod environment;
+mod extent;
 mod follow;
 mod ggx_sun;
 mod goldens;

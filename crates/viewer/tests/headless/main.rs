@@ -40,6 +40,7 @@ impl Random {
                 (value.round() as u32).clamp(*low, high).to_string()
             }
             Kind::Number(low, high) => (low + (high - low) * self.share() as f32).to_string(),
+            Kind::WordOrList(word, _) => [word, "1,2,3", "0.5"][self.below(3) as usize].to_owned(),
             Kind::WordOrNumber(word, low, high) => {
                 if self.below(2) == 0 {
                     (*word).to_owned()
