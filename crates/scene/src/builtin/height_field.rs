@@ -12,6 +12,8 @@ use crate::Scene;
 
 /// Thickness of the block below height 0, as a share of its longer side.
 const BASE: f32 = 0.02;
+/// Near plane of the cameras, as a share of the block's longer side.
+const NEAR: f32 = 1e-3;
 
 /// Heights over a rectangle around the vertical axis.
 #[derive(Clone, Copy)]
@@ -26,7 +28,7 @@ pub struct HeightField<'a> {
     pub height: &'a dyn Fn(usize, usize) -> f32,
 }
 
-/// A closed block with the field on top, a sun, a sky, and a camera that frames it.
+/// A closed block with the field on top, a sun, a sky, and cameras that see all of it, and across it.
 pub fn height_field(field: &HeightField<'_>) -> Scene {
     let HeightField { name, side, size_m: [width, length], .. } = *field;
     let mut stage = Stage::new(name);
@@ -56,6 +58,14 @@ pub fn height_field(field: &HeightField<'_>) -> Scene {
     };
     stage.sun(sky.towards_sun, vec3(1.0, 0.92, 0.80), sky.sun_lux);
     stage.scene.environment = Some(sky.environment("clear afternoon"));
-    stage.scene.add_default_view();
+    let size = width.max(length);
+    let highest = (0..side).flat_map(|x| (0..side).map(move |z| (field.height)(x, z))).fold(0.0, f32::max);
+    let target = Vec3::Y * 0.5 * highest;
+    stage.camera("overview", target + vec3(0.60, 0.70, 1.10) * (size + highest), target, 42.0);
+    // From the middle of the near edge, a little above the ground, across the land.
+    let near = top(side / 2, last);
+    let eye = near + vec3(0.0, 0.08 * size, 0.0);
+    stage.camera("edge", eye, vec3(0.0, near.y.min(target.y), -0.2 * length), 50.0);
+    stage.scene.cameras.iter_mut().for_each(|camera| camera.near_m = NEAR * size);
     stage.scene
 }

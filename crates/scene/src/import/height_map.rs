@@ -41,7 +41,7 @@ impl HeightMap {
         Self { image: image.into(), size_m: None, height_m: None, vertices: Self::DEFAULT_VERTICES }
     }
 
-    /// Reads the picture and makes the terrain, with a sun, a sky and a camera.
+    /// Reads the picture and makes the terrain, with a sun, a sky and cameras.
     ///
     /// A vertex has the picture's height at its place, linear between the middles of pixels; those at the terrain's edges
     /// have those of the outermost pixels.

@@ -287,8 +287,9 @@ settings! {
         prefilter: bool = false, "", (), Uniform;
         /// Visibility of moment maps below this is dark, and the rest stretched: cuts light that bleeds through.
         bleed_reduction: f32 = 0.2, "", 0.0..=0.99, Uniform;
-        /// Least variance that maps of variance, evsm2 and evsm4 are taken to have: a receiver closer behind its caster than
-        /// its root is lit in part. More hides acne and dark seams at feet, and lets light through there.
+        /// Least variance that variance maps are taken to have: a receiver closer behind its caster than its root is lit in
+        /// part. More hides acne and dark seams, and lights what lies at the feet of casters. Only with
+        /// shadow.representation = variance.
         min_variance: f32 = 0.0, "of the depth range squared", 0.0..=0.01, Uniform;
         /// Most samples along a slanted pixel footprint, for mipmapped moment maps.
         anisotropy: u32 = 8, "samples", 1..=16, Uniform;
