@@ -11,16 +11,14 @@ use glam::{Affine3A, Quat, Vec3};
 const SIZE: [u32; 2] = [128, 96];
 
 /// Filters, each with what its maps hold.
-const FILTERS: [&[(&str, &str)]; 9] = [
+const FILTERS: [&[(&str, &str)]; 7] = [
     &[("shadow.filter", "none")],
-    &[("shadow.pcf_kernel", "2")],
     &[("shadow.pcf_kernel", "7")],
     &[("shadow.pcf_kernel", "disc")],
     &[("shadow.filter", "pcss")],
     &[("shadow.bias.receiver_plane", "false")],
     &[("shadow.representation", "exponential"), ("shadow.filter", "gaussian")],
     &[("shadow.representation", "evsm4"), ("shadow.filter", "gaussian")],
-    &[("shadow.representation", "moments"), ("shadow.filter", "gaussian")],
 ];
 
 /// The default filter in every layout and by either raster.
@@ -106,7 +104,9 @@ impl Bare {
     fn new(studio: &mut Studio, name: &'static str, (stage, view): (Stage, View)) -> Self {
         let exact = Exact::new(&stage.scene);
         let of = |(i, hit): (usize, Hit)| (i, exact.irradiance(hit, 0.0, 1)[1] / PI);
-        let open = middles(&exact.pixels(&view, SIZE)).into_iter().map(of).filter(|(_, right)| *right > 0.0);
+        // Beside the lamp radiance leaves the range of 16-bit floats; on a cone's rim it is next to nothing.
+        let open = middles(&exact.pixels(&view, SIZE)).into_iter().map(of);
+        let open = open.filter(|(_, right)| (1e-5..30.0).contains(right));
         let open: Vec<_> = open.collect();
         assert!(open.len() > 1500, "{name}: {}", open.len());
         Self { name, scene: studio.load(&stage.scene), view, open }
@@ -135,12 +135,11 @@ fn bare_planes_have_all_of_their_light_however_low_it_is_in_every_layout_and_fil
         ("spot", lamp(spot, 0.03)),
     ]
     .map(|(name, scene)| Bare::new(&mut studio, name, scene));
-    let forward = Settings { pipeline: Pipeline::Forward, ..changed(&[]) };
-    let settings = FILTERS.iter().chain(&LAYOUTS).map(|changes| changed(&[changes])).chain([forward]);
+    let deferred = FILTERS.into_iter().chain(LAYOUTS).map(|changes| (changes, Pipeline::Deferred));
     let mut wrong = Vec::new();
-    for settings in settings {
-        let name = format!("{:?} {:?}", settings.pipeline, settings.shadow);
-        studio.set(settings);
+    for (changes, pipeline) in deferred.chain([(LAYOUTS[0], Pipeline::Forward)]) {
+        let name = format!("{changes:?}, {pipeline:?}");
+        studio.set(Settings { pipeline, ..changed(&[changes]) });
         for scene in &scenes {
             wrong.extend(scene.lacks(&mut studio).map(|lack| format!("{lack} by {name}")));
         }
@@ -269,7 +268,6 @@ fn a_low_sun_on_things_and_hills_is_as_rays_say() {
             let scene = studio.load(&stage.scene);
             let found = studio.aov(&scene, &view, SIZE, 1, Aov::Shadow);
             let gauge = Gauge::of(&found, &truth);
-            println!("{kernel} {elevation} {gauge:?}");
             assert!(
                 gauge.error < error * wider
                     && gauge.acne < acne * wider * wider

@@ -41,6 +41,11 @@ fn half_step_angle(steps: f32) -> f32 {
     0.5 / steps * 6f32.sqrt() * 3f32.sqrt() + 2e-6
 }
 
+/// Some number in 0..1 for each index, 0 for every eighth.
+fn random_share(i: usize) -> f32 {
+    (i * 5 % 8) as f32 / 8.0 + if i % 8 == 0 { 0.0 } else { (i * 37 % 128) as f32 / 1024.0 }
+}
+
 #[test]
 fn a_packed_surface_comes_back_within_its_bits() {
     let mut random = Random::new(1);
@@ -52,7 +57,10 @@ fn a_packed_surface_comes_back_within_its_bits() {
             0 => random.within(0.0, 2.0).floor(),
             _ => random.within(0.0, 1.0),
         };
-        let geometric = normals[(i * 7 + 3) % normals.len()];
+        // Two in three are next to the shading normal, from the very same to 17° apart.
+        let other = normals[(i * 7 + 3) % normals.len()];
+        let apart = 0.3 * random_share(i).powi(4);
+        let geometric = if i % 3 == 0 { other } else { (normal + other * apart).normalize() };
         input.extend(normal.to_array());
         input.extend(geometric.to_array());
         input.extend(std::iter::repeat_with(&mut unit).take(10));
@@ -80,6 +88,11 @@ fn a_packed_surface_comes_back_within_its_bits() {
             &a[3..6],
             &b[3..6]
         );
+        let (off, apart) = (angle(vector(a, 3), vector(b, 3)), angle(vector(a, 0), vector(a, 3)));
+        assert!(off <= b[17], "geometric normal {i} is off by {off}, not {}", b[17]);
+        // Low light needs flat surfaces exactly, and coarse globes well.
+        let bound = if apart < 1e-6 { 1.3e-4 } else { 1.2e-3 + 0.06 * apart };
+        assert!(apart > 0.15 || b[17] <= bound, "geometric normal {i}, {apart} apart, is off by {}", b[17]);
         for channel in 0..3 {
             let at = 6 + channel;
             assert!((a[at].sqrt() - b[at].sqrt()).abs() < half(1023.0), "colour {i}: {} {}", a[at], b[at]);
@@ -93,7 +106,7 @@ fn a_packed_surface_comes_back_within_its_bits() {
         // By the same share at every roughness, for that is what a highlight's brightness goes by.
         let (roughness, found) = (a[12].max(MIN_ROUGHNESS), b[12].max(MIN_ROUGHNESS));
         assert!((found / roughness).ln().abs() < half(254.0 / -MIN_ROUGHNESS.ln()), "{roughness}: {found}");
-        for (at, steps) in [(13, 255.0), (14, 31.0), (15, 255.0)] {
+        for (at, steps) in [(13, 255.0), (14, 31.0), (15, 127.0)] {
             assert!((a[at] - b[at]).abs() < half(steps), "quantity {at} of {i}: {} {}", a[at], b[at]);
         }
         assert_eq!(a[16], b[16], "kind of {i}");
