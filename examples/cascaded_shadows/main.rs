@@ -45,8 +45,14 @@ fn picture(gpu: &Gpu, [width, height]: [u32; 2]) -> Result<chiaro_image::Picture
     };
     let mut lights = [sun];
     let bounds_ws = (Vec3::new(-40.0, -0.1, -40.0), Vec3::new(40.0, 2.0, 40.0));
-    let inputs =
-        FitInputs { bounds_ws, camera, settings: &settings, clamps_depth: false, see_through: false };
+    let inputs = FitInputs {
+        bounds_ws,
+        casters: None,
+        camera,
+        settings: &settings,
+        clamps_depth: false,
+        see_through: false,
+    };
     let views = fit(&mut lights, &inputs).views;
     let shadows = ShadowOutputs::new(gpu, settings.resolution, views.len() as u32);
 
