@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use chiaro::scene::{LightKind, Node, Scene};
+use chiaro::scene::{LightKind, Mesh, Node, Primitive, Scene};
 use chiaro::{Lookout, Pipeline, ReferenceOptions, Settings};
 use chiaro_image::Image;
 use chiaro_testkit::{Stage, Studio, Truth, device, direct, nmae};
@@ -126,13 +126,28 @@ fn an_origin_that_moves_between_frames_changes_nothing() {
     assert!(nmae(&found, &right) < 1e-6, "{}", nmae(&found, &right));
 }
 
+/// A box of 2 m height around the origin, in one piece.
+fn slab_of(half: f32, material: usize) -> Mesh {
+    let mut sides = Stage::new();
+    sides.cuboid(Vec3::ZERO, Vec3::new(half, 1.0, half), material);
+    let mut whole = Primitive { material, ..Primitive::default() };
+    for side in sides.scene.meshes.into_iter().flat_map(|mesh| mesh.primitives) {
+        let first = whole.positions.len() as u32;
+        whole.indices.extend(side.indices.iter().map(|index| first + index));
+        whole.positions.extend(side.positions);
+        whole.normals.extend(side.normals);
+        whole.uvs[0].extend(&side.uvs[0]);
+    }
+    Mesh { primitives: vec![whole], ..Mesh::default() }
+}
+
 /// The boxes on ground of so many metres, a flat one or a slab.
 fn on_ground(side_m: f32, slab: bool) -> Stage {
     let mut stage = boxes(LightKind::Directional);
     let ground = stage.lambert(0.4);
     let half = 0.5 * side_m;
     if slab {
-        stage.cuboid(Vec3::NEG_Y * 1.01, Vec3::new(half, 1.0, half), ground);
+        stage.place(slab_of(half, ground), Affine3A::from_translation(Vec3::NEG_Y * 1.01));
     } else {
         stage.quad(Vec3::NEG_Y * 0.01, Vec3::X * half, Vec3::NEG_Z * half, ground);
     }
