@@ -372,6 +372,7 @@ fn blended_panes_placed_several_times_are_each_met_by_chance_of_their_own() {
 
 #[test]
 fn lamps_shine_as_much_as_alpha_leaves_of_them() {
+    const WIDE: u32 = 8;
     // Five floors with walls between, each under a lamp: whole though its alpha is 0, half cut out by a texture, cut out by
     // its factor, half there by its vertices' colour, and half by its factor.
     let mut stage = Stage::new();
@@ -393,7 +394,6 @@ fn lamps_shine_as_much_as_alpha_leaves_of_them() {
         (lamp(AlphaMode::Blend, 1.0), 0.5, 0.5),
         (lamp(AlphaMode::Blend, 0.5), 1.0, 0.5),
     ];
-    const WIDE: u32 = 8;
     for (index, (material, alpha, _)) in lamps.iter().enumerate() {
         let x = index as f32 - 2.0;
         let material = stage.material(material.clone());
