@@ -193,12 +193,13 @@ fn luminance_and_chroma_of_full_size_become_colours_and_other_chroma_is_refused_
     assert!(error.contains("sub.exr") && error.contains("luminance-chroma"), "{error}");
 }
 
+/// Tests run beside each other.
+static NUMBER: AtomicU32 = AtomicU32::new(0);
+
 /// A Radiance file of pixels one after the other, in which red is the number from 0.
 fn hdr(header: &str, order: &str, pixels: u8) -> Result<Image, ImageError> {
     let mut file = format!("#?RADIANCE\n{header}FORMAT=32-bit_rle_rgbe\n\n{order}\n").into_bytes();
     file.extend((0..pixels).flat_map(|i| [i, 16, 32, 136]));
-    // Tests run beside each other.
-    static NUMBER: AtomicU32 = AtomicU32::new(0);
     let path = scratch(&format!("{}.orders.hdr", NUMBER.fetch_add(1, Ordering::Relaxed)));
     fs::write(&path, file).unwrap();
     let image = read(&path);

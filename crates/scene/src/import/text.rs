@@ -13,8 +13,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, String> {
         }
         [0xff, 0xfe, units @ ..] => utf16(units, u16::from_le_bytes)?.into(),
         [0xfe, 0xff, units @ ..] => utf16(units, u16::from_be_bytes)?.into(),
-        [0xef, 0xbb, 0xbf, text @ ..] => latin1(text),
-        text => latin1(text),
+        utf8 => latin1(utf8.strip_prefix(b"\xef\xbb\xbf").unwrap_or(utf8)),
     };
     let is_lone = |at: usize| text.as_bytes().get(at + 1) != Some(&b'\n');
     Ok(if text.match_indices('\r').any(|(at, _)| is_lone(at)) {
@@ -27,16 +26,13 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, String> {
 /// UTF-8, in which every byte that is none stands for the Latin-1 letter of its number: names that differ stay
 /// different, and those of a Latin-1 file are found where another writes them in UTF-8.
 pub(super) fn latin1(bytes: &[u8]) -> Cow<'_, str> {
-    match std::str::from_utf8(bytes) {
-        Ok(text) => text.into(),
-        Err(_) => {
-            let chunks = bytes.utf8_chunks();
-            let chars = |chunk: std::str::Utf8Chunk<'_>| {
-                chunk.valid().chars().chain(chunk.invalid().iter().map(|&byte| char::from(byte))).collect()
-            };
-            chunks.map(chars).collect::<Vec<String>>().concat().into()
-        }
+    if let Ok(text) = std::str::from_utf8(bytes) {
+        return text.into();
     }
+    let chars = |chunk: std::str::Utf8Chunk<'_>| {
+        chunk.valid().chars().chain(chunk.invalid().iter().map(|&byte| char::from(byte))).collect()
+    };
+    bytes.utf8_chunks().map(chars).collect::<Vec<String>>().concat().into()
 }
 
 fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<String, String> {

@@ -121,12 +121,11 @@ fn find(
     let mut found = Vec::new();
     for name in names.replace("\\ ", "\0").split_whitespace() {
         let name = name.replace('\0', " ");
-        match source::find_file(files, directory, &name) {
-            Some(file) => found.push(file),
-            None => {
-                let problem = format!("the material library `{name}` was not found");
-                warnings.stand_in(invalid(path, "mtllib", problem), WITHOUT)?;
-            }
+        if let Some(file) = source::find_file(files, directory, &name) {
+            found.push(file);
+        } else {
+            let problem = format!("the material library `{name}` was not found");
+            warnings.stand_in(invalid(path, "mtllib", problem), WITHOUT)?;
         }
     }
     Ok(found)

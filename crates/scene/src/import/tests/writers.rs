@@ -58,11 +58,12 @@ fn a_square_with_a_keyholed_hole_has_the_square_s_area_less_the_hole_s() {
     assert!((area(&scene) - 12.0).abs() < 1e-5, "{}", area(&scene));
 }
 
+type Encoding = fn(&str) -> Vec<u8>;
+
 #[test]
 fn obj_and_mtl_may_be_utf_8_or_utf_16_with_a_mark_and_end_lines_as_they_like() {
     let obj = format!("mtllib m.mtl\nusemtl rot-grün\n{SQUARE}f 1 2 3 4\n");
     let mtl = "newmtl rot-grün\nKd 1 0 0\n";
-    type Encoding = fn(&str) -> Vec<u8>;
     let encodings: [Encoding; 5] = [
         |text| format!("\u{feff}{text}").into_bytes(),
         |text| utf16(text, u16::to_le_bytes),
