@@ -10,7 +10,7 @@
 //! | depth | Depth32Float | reversed: near = 1, infinity = 0 |
 //! | visibility | R32Uint | triangle of the camera's draw list + 1; 0 = nothing |
 //! | surface | Rgba32Uint | packed, see `surface.wesl` |
-//! | emissive | Rgba16Float | nits · radiance scale; only for scenes with glowing materials |
+//! | emissive | Rgba16Float | nits · radiance scale; only where compiled for a scene with glowing materials |
 //!
 //! Limits: 128 MiB of geometry words and of draw list on guaranteed WebGPU limits (11 million triangles a view).
 //! Cost: 20 bytes a pixel written, 24 with the visibility buffer.
@@ -29,9 +29,9 @@ use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life,
-    RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
+    RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool, parallel,
 };
-use culling::{CullView, Culling, DrawLists, draw_classes};
+use culling::{CullView, Culling, DrawLists, Kinds, draw_classes, kinds};
 
 use crate::shaders::{self, Layer};
 
@@ -44,7 +44,7 @@ pub struct SurfaceBuffer {
     pub visibility: Texture,
     /// Rgba32Uint.
     pub surface: Texture,
-    /// Rgba16Float, for scenes that glow.
+    /// Rgba16Float, where passes were compiled for a scene that glows.
     pub emissive: Option<Texture>,
 }
 
@@ -52,8 +52,8 @@ pub struct SurfaceBuffer {
 #[derive(Debug)]
 pub struct Surfaces {
     culling: Culling,
-    visibility: [RenderPipeline; scene::KINDS],
-    resolve: [ComputePipeline; 2],
+    visibility: Kinds,
+    resolve: ComputePipeline,
     indexed: bool,
     facts: SceneFacts,
     buffer: Option<SurfaceBuffer>,
@@ -96,12 +96,20 @@ impl Surfaces {
             let entry = shaders::visibility(indexed, masked, Layer::None);
             RenderPipeline::new(gpu, library, &entry, shared, &options)
         };
-        let resolve =
-            |glows| ComputePipeline::new(gpu, library, &shaders::resolve(glows, false), shared, &materials);
+        let resolve = shaders::resolve(facts.glows, false);
+        let (visibility, (culling, resolve)) = parallel::join(
+            || kinds(facts.draws(scene::OPAQUE), visibility),
+            || {
+                parallel::join(
+                    || Culling::new(gpu, library, scene_layout),
+                    || ComputePipeline::new(gpu, library, &resolve, shared, &materials),
+                )
+            },
+        );
         Ok(Self {
-            culling: Culling::new(gpu, library, scene_layout)?,
-            visibility: [visibility(0)?, visibility(1)?, visibility(2)?, visibility(3)?],
-            resolve: [resolve(false)?, resolve(true)?],
+            culling: culling?,
+            visibility: visibility?,
+            resolve: resolve?,
             indexed,
             facts,
             buffer: None,
@@ -114,11 +122,15 @@ impl Surfaces {
     }
 
     /// Makes room for a scene at a picture size. Not inside a frame.
+    ///
+    /// # Panics
+    /// When the passes were compiled for less than the scene needs.
     pub fn reserve(&mut self, gpu: &Gpu, pool: &TexturePool, scene: &SceneGpu, [width, height]: [u32; 2]) {
+        assert!(self.facts.serve(scene.facts), "surface: compiled for another scene: {:?}", self.facts);
         self.culling.reserve(gpu, scene, 1);
         let same = |b: &SurfaceBuffer| {
             let o = b.depth.options();
-            o.width == width && o.height == height && b.emissive.is_some() == scene.glows
+            o.width == width && o.height == height
         };
         if self.buffer.as_ref().is_some_and(same) {
             return;
@@ -131,7 +143,8 @@ impl Surfaces {
             depth: lend("depth", TextureFormat::Depth32Float, TextureUsages::RENDER_ATTACHMENT),
             visibility: lend("visibility", TextureFormat::R32Uint, TextureUsages::RENDER_ATTACHMENT),
             surface: lend("surface", TextureFormat::Rgba32Uint, TextureUsages::STORAGE_BINDING),
-            emissive: scene
+            emissive: self
+                .facts
                 .glows
                 .then(|| lend("emissive", TextureFormat::Rgba16Float, TextureUsages::STORAGE_BINDING)),
         });
@@ -203,7 +216,7 @@ impl Surfaces {
         }
         let options = buffer.surface.options();
         let threads = Dispatch::Threads([options.width, options.height, 1]);
-        frame.compute("surface/resolve", &self.resolve[usize::from(scene.glows)], shared, &binds, threads);
+        frame.compute("surface/resolve", &self.resolve, shared, &binds, threads);
         buffer.clone()
     }
 }

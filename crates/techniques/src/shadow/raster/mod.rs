@@ -21,11 +21,14 @@ use std::mem::offset_of;
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
-use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, GroupLayout, Life, Texture};
+use chiaro_gpu::{
+    Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, GroupLayout, Life, Texture, parallel,
+};
 use glam::Mat4;
 
 use crate::shaders;
 use crate::surface::culling::{DrawLists, MAX_VIEWS};
+use crate::surface::scene::CLASSES;
 use crate::surface::{SceneFacts, SceneGpu};
 
 /// A view to draw.
@@ -95,9 +98,9 @@ const RESOLVE_BLOCKS: u32 = 32;
 /// The passes of the compute rasteriser.
 #[derive(Debug)]
 pub struct ComputeRaster {
-    // Opaque, masked.
-    triangles: [ComputePipeline; 2],
-    tiles: [ComputePipeline; 2],
+    // Opaque, and masked where there are any.
+    triangles: Vec<ComputePipeline>,
+    tiles: Vec<ComputePipeline>,
     resolve: ComputePipeline,
     uniform: Buffer,
     buffers: Option<Buffers>,
@@ -132,16 +135,21 @@ impl ComputeRaster {
         let make = |permutation, constants: &[(&'static str, f64)]| {
             ComputePipeline::new(gpu, library, &permutation, &[scene_layout], constants)
         };
-        let triangles = |masked| {
+        let triangles = |kind| {
+            let masked = kind > 0;
             let with_materials = [&culls[..], &materials[..]].concat();
             make(shaders::raster_triangles(masked), if masked { &with_materials } else { &culls })
         };
-        let tiles = |masked| make(shaders::raster_tiles(masked), if masked { &materials } else { &[] });
+        let tiles = |kind| make(shaders::raster_tiles(kind > 0), if kind > 0 { &materials } else { &[] });
+        let [_, _, masked, masked_both] = facts.draws(0..CLASSES);
+        let kinds = if masked || masked_both { 2 } else { 1 };
+        let (triangles, tiles) =
+            parallel::join(|| parallel::each(kinds, triangles), || parallel::each(kinds, tiles));
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let size = size_of::<RasterData>() as u64;
         Ok(Self {
-            triangles: [triangles(false)?, triangles(true)?],
-            tiles: [tiles(false)?, tiles(true)?],
+            triangles: triangles?,
+            tiles: tiles?,
             resolve: make(shaders::plain("shadow/raster/resolve.cs.wesl"), &[])?,
             uniform: Buffer::new(gpu, "raster", Life::Frame, size, usage),
             buffers: None,
