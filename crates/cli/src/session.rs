@@ -47,9 +47,7 @@ impl Session {
     /// Opens the device, reads the scene, compiles the passes. Remarks for the user go to standard error.
     pub fn open(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
         Self::open_with(scene_args, settings_args, Scene::add_default_view, |gpu, settings, scene| {
-            let mut renderer = Renderer::new(gpu, settings)?;
-            let loaded = renderer.load(scene)?;
-            Ok((renderer, loaded))
+            Ok(Renderer::with_scene(gpu, settings, scene)?)
         })
     }
 

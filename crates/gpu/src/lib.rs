@@ -13,6 +13,7 @@
 mod device;
 mod error;
 mod frame;
+pub mod parallel;
 mod pipeline;
 mod profile;
 mod readback;

@@ -6,6 +6,71 @@ use crate::resource::next_id;
 use crate::shader::{Library, Linked, Permutation, Reflected};
 use crate::{Gpu, GpuError, GroupLayout};
 
+/// A linked shader on the device.
+#[derive(Debug)]
+pub(crate) struct Shader {
+    label: String,
+    bindings: Vec<Reflected>,
+    workgroup: [u32; 3],
+    entry_points: Vec<(naga::ShaderStage, String)>,
+    // Pipeline-overridable constants: their names and what linking made of them.
+    constants: Vec<(String, String)>,
+    module: wgpu::ShaderModule,
+}
+
+impl Shader {
+    /// Reads what it binds, and gives it to the device.
+    pub(crate) fn new(gpu: &Gpu, linked: &Linked) -> Result<Self, GpuError> {
+        let module = caught(gpu, || {
+            gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(&linked.label),
+                source: wgpu::ShaderSource::Wgsl(linked.wgsl.as_str().into()),
+            })
+        })?;
+        Ok(Self {
+            label: linked.label.clone(),
+            bindings: linked.bindings()?,
+            workgroup: linked.workgroup_size(),
+            entry_points: linked.entry_points(),
+            constants: linked.constants(),
+            module,
+        })
+    }
+
+    fn entry_point(&self, stage: naga::ShaderStage) -> Option<&str> {
+        self.entry_points.iter().find(|(of, _)| *of == stage).map(|(_, name)| name.as_str())
+    }
+
+    /// Values of constants under their linked names.
+    fn constants(&self, constants: &[(&str, f64)]) -> Result<Vec<(&str, f64)>, GpuError> {
+        let find = |&(name, value): &(&str, f64)| {
+            let known = self.constants.iter().find(|(own, _)| own == name);
+            let (_, linked) = known.ok_or_else(|| GpuError::Shader {
+                name: self.label.clone(),
+                message: format!("there is no pipeline-overridable constant {name}"),
+            })?;
+            Ok((linked.as_str(), value))
+        };
+        constants.iter().map(find).collect()
+    }
+}
+
+/// What `make` makes, or the validation error that it caused: error scopes belong to a thread, and pipelines are made on
+/// many, where the caller's scope does not reach.
+fn caught<T>(gpu: &Gpu, make: impl FnOnce() -> T) -> Result<T, GpuError> {
+    // A browser tells errors later than anyone here could wait for.
+    if cfg!(target_arch = "wasm32") {
+        return Ok(make());
+    }
+    let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
+    let made = make();
+    let mut context = std::task::Context::from_waker(std::task::Waker::noop());
+    match std::pin::pin!(scope.pop()).poll(&mut context) {
+        std::task::Poll::Ready(Some(error)) => Err(GpuError::Device(error.to_string())),
+        _ => Ok(made),
+    }
+}
+
 /// A pipeline's bindings: which shared groups it uses, and what fills its own groups 2 (inputs) and 3 (outputs).
 #[derive(Debug)]
 pub(crate) struct Interface {
@@ -26,14 +91,13 @@ impl Interface {
     /// When a shared group's binding differs from its declaration, or an input (group 2) is writable.
     fn new(
         gpu: &Gpu,
-        linked: &Linked,
+        shader: &Shader,
         shared: &[&GroupLayout],
     ) -> Result<(Self, wgpu::PipelineLayout), GpuError> {
-        let fail = |message: String| GpuError::Shader { name: linked.label.clone(), message };
-        let bindings = linked.bindings()?;
+        let fail = |message: String| GpuError::Shader { name: shader.label.clone(), message };
         let mut used = Vec::new();
         let mut own = [Vec::new(), Vec::new()];
-        for binding in bindings {
+        for binding in &shader.bindings {
             if binding.group >= FIRST_OWN_GROUP {
                 let slot = (binding.group - FIRST_OWN_GROUP) as usize;
                 let list =
@@ -41,13 +105,13 @@ impl Interface {
                 if slot == 0 && binding.written {
                     return Err(fail(format!("{} is written, so it belongs to group 3", binding.name)));
                 }
-                list.push(binding);
+                list.push(binding.clone());
                 continue;
             }
             let layout = shared.iter().find(|layout| layout.index == binding.group).ok_or_else(|| {
                 fail(format!("{} is in shared group {}, which was not given", binding.name, binding.group))
             })?;
-            layout.check(&binding).map_err(fail)?;
+            layout.check(binding).map_err(fail)?;
             if !used.contains(&binding.group) {
                 used.push(binding.group);
             }
@@ -62,12 +126,12 @@ impl Interface {
             groups.pop();
         }
         let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(&linked.label),
+            label: Some(&shader.label),
             bind_group_layouts: &groups,
             immediate_size: 0,
         });
-        let workgroup = linked.workgroup_size();
-        Ok((Self { label: linked.label.clone(), shared: used, own, layouts, workgroup }, pipeline_layout))
+        let (label, workgroup) = (shader.label.clone(), shader.workgroup);
+        Ok((Self { label, shared: used, own, layouts, workgroup }, pipeline_layout))
     }
 }
 
@@ -121,28 +185,6 @@ impl GroupLayout {
     }
 }
 
-fn module(gpu: &Gpu, linked: &Linked) -> wgpu::ShaderModule {
-    gpu.created.add_pipeline();
-    gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(&linked.label),
-        source: wgpu::ShaderSource::Wgsl(linked.wgsl.as_str().into()),
-    })
-}
-
-fn linked_constants<'a>(
-    linked: &'a Linked,
-    constants: &[(&str, f64)],
-) -> Result<Vec<(&'a str, f64)>, GpuError> {
-    let find = |&(name, value): &(&str, f64)| {
-        let linked_name = linked.constant_name(name).ok_or_else(|| GpuError::Shader {
-            name: linked.label.clone(),
-            message: format!("there is no pipeline-overridable constant {name}"),
-        });
-        linked_name.map(|name| (name, value))
-    };
-    constants.iter().map(find).collect()
-}
-
 /// A compute pipeline made from one `.cs.wesl` file.
 #[derive(Clone, Debug)]
 pub struct ComputePipeline {
@@ -162,17 +204,20 @@ impl ComputePipeline {
         shared: &[&GroupLayout],
         constants: &[(&str, f64)],
     ) -> Result<Self, GpuError> {
-        let linked = library.link(permutation)?;
-        let (interface, layout) = Interface::new(gpu, &linked, shared)?;
-        let constants = &linked_constants(&linked, constants)?;
-        let raw = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(&linked.label),
-            layout: Some(&layout),
-            module: &module(gpu, &linked),
-            entry_point: linked.entry_point(naga::ShaderStage::Compute),
-            compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
-            cache: None,
-        });
+        let shader = library.shader(gpu, permutation)?;
+        let constants = &shader.constants(constants)?;
+        gpu.created.add_pipeline();
+        let (interface, layout) = Interface::new(gpu, &shader, shared)?;
+        let raw = caught(gpu, || {
+            gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(&shader.label),
+                layout: Some(&layout),
+                module: &shader.module,
+                entry_point: shader.entry_point(naga::ShaderStage::Compute),
+                compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+                cache: None,
+            })
+        })?;
         Ok(Self { raw, interface: Arc::new(interface) })
     }
 }
@@ -230,19 +275,19 @@ impl RenderPipeline {
         shared: &[&GroupLayout],
         options: &RenderPipelineOptions<'_>,
     ) -> Result<Self, GpuError> {
-        let linked = library.link(permutation)?;
-        let (interface, layout) = Interface::new(gpu, &linked, shared)?;
-        let module = module(gpu, &linked);
-        let constants = &linked_constants(&linked, options.constants)?;
+        let shader = library.shader(gpu, permutation)?;
+        let constants = &shader.constants(options.constants)?;
+        gpu.created.add_pipeline();
+        let (interface, layout) = Interface::new(gpu, &shader, shared)?;
         let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
         let targets: Vec<_> = options.targets.iter().cloned().map(Some).collect();
-        let fragment = linked.entry_point(naga::ShaderStage::Fragment);
-        let raw = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(&linked.label),
+        let fragment = shader.entry_point(naga::ShaderStage::Fragment);
+        let descriptor = wgpu::RenderPipelineDescriptor {
+            label: Some(&shader.label),
             layout: Some(&layout),
             vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: linked.entry_point(naga::ShaderStage::Vertex),
+                module: &shader.module,
+                entry_point: shader.entry_point(naga::ShaderStage::Vertex),
                 compilation_options: compilation_options.clone(),
                 buffers: &[],
             },
@@ -264,14 +309,15 @@ impl RenderPipeline {
                 alpha_to_coverage_enabled: options.alpha_to_coverage,
             },
             fragment: fragment.map(|entry| wgpu::FragmentState {
-                module: &module,
+                module: &shader.module,
                 entry_point: Some(entry),
                 compilation_options,
                 targets: &targets,
             }),
             multiview_mask: None,
             cache: None,
-        });
+        };
+        let raw = caught(gpu, || gpu.device.create_render_pipeline(&descriptor))?;
         Ok(Self { raw, interface: Arc::new(interface) })
     }
 }

@@ -38,7 +38,12 @@ const LEAST_WHITE_STORED: f32 = 1.0;
 const PEAK_STORED: f32 = 32_768.0;
 
 impl LoadedScene {
-    pub(crate) fn new(gpu: SceneGpu, scene: &Scene, environment: Option<EnvironmentMap>) -> Self {
+    pub(crate) fn new(
+        gpu: SceneGpu,
+        scene: &Scene,
+        environment: Option<EnvironmentMap>,
+        openness: Openness,
+    ) -> Self {
         let pose = scene.pose(0.0);
         let (lights, directional) = light_data(scene, &pose);
         let radiance = illuminance_scale(&lights, gpu.bounds_ws) / std::f32::consts::PI;
@@ -50,7 +55,6 @@ impl LoadedScene {
         let peak = environment.as_ref().map_or(0.0, |map| map.peak);
         let white = (PEAK_STORED * brightest / peak.max(1e-30)).clamp(LEAST_WHITE_STORED, WHITE_STORED);
         let octave = (white / brightest).log2().round().clamp(-60.0, 60.0);
-        let openness = Openness::new(scene);
         let casters = Casters::new(scene, &pose);
         let radiance_scale = octave.exp2();
         Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose }

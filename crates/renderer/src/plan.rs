@@ -1,19 +1,20 @@
 //! Compiling off the frame: a [`Plan`] says what is missing, any thread makes it, and the renderer takes it over.
 
 use chiaro_gpu::shader::Library;
-use chiaro_gpu::{Gpu, GroupLayout, Recorder};
+use chiaro_gpu::{Gpu, GroupLayout, Recorder, parallel};
 use chiaro_scene::{Environment, Scene};
 use chiaro_techniques::direct::{DirectLight, Permutations};
 use chiaro_techniques::environment::EnvironmentMap;
+use chiaro_techniques::indirect::Openness;
 use chiaro_techniques::motion::Motion;
-use chiaro_techniques::shadow::ShadowMaps;
+use chiaro_techniques::shadow::{Lookup, ShadowMaps};
 use chiaro_techniques::shared::albedo_table;
 use chiaro_techniques::shared::frame::FrameGroup;
 use chiaro_techniques::surface::{SceneFacts, SceneGpu, Surfaces};
 use chiaro_techniques::transparency::Transparency;
 
 use crate::renderer::Passes;
-use crate::{Error, LoadedScene, Settings};
+use crate::{Error, LoadedScene, Pipeline, Settings};
 
 /// What every pass is compiled with, and scenes are uploaded with. Cheap to clone, and sent to other threads.
 #[derive(Clone, Debug)]
@@ -40,9 +41,12 @@ impl Kit {
     /// # Errors
     /// When it does not fit the adapter.
     pub fn upload(&self, scene: &Scene) -> Result<LoadedScene, Error> {
-        let gpu = SceneGpu::upload(&self.gpu, &self.scene_layout, scene)?;
-        let environment = scene.environment.as_ref().map(|map| self.environment(map)).transpose()?;
-        Ok(LoadedScene::new(gpu, scene, environment))
+        let environment = || scene.environment.as_ref().map(|map| self.environment(map)).transpose();
+        let (gpu, (environment, openness)) = parallel::join(
+            || SceneGpu::upload(&self.gpu, &self.scene_layout, scene),
+            || parallel::join(environment, || Openness::new(scene)),
+        );
+        Ok(LoadedScene::new(gpu?, scene, environment?, openness))
     }
 
     fn environment(&self, map: &Environment) -> Result<EnvironmentMap, Error> {
@@ -51,17 +55,6 @@ impl Kit {
         let environment = EnvironmentMap::new(&mut frame, &self.library, map)?;
         frame.submit();
         Ok(environment)
-    }
-
-    pub(crate) fn passes(&self, settings: &Settings, facts: SceneFacts) -> Result<Passes, Error> {
-        Ok(Passes {
-            frame_group: self.frame_group()?,
-            motion: self.motion()?,
-            surfaces: self.surfaces(settings, facts)?,
-            shadows: self.shadows(settings, facts)?,
-            direct: self.direct(settings, facts)?,
-            transparency: facts.see_through.then(|| self.transparency(settings, facts)).transpose()?,
-        })
     }
 
     pub(crate) fn frame_group(&self) -> Result<FrameGroup, Error> {
@@ -98,7 +91,8 @@ impl Kit {
 
     fn transparency(&self, settings: &Settings, facts: SceneFacts) -> Result<Transparency, Error> {
         let (frame, scene) = (&self.frame_layout, &self.scene_layout);
-        Ok(Transparency::new(&self.gpu, &self.library, frame, scene, permutations(settings, facts))?)
+        let lookup = Lookup::new(&settings.shadow);
+        Ok(Transparency::new(&self.gpu, &self.library, frame, scene, (lookup, facts))?)
     }
 }
 
@@ -142,25 +136,26 @@ impl Missing {
             surfaces: true,
             shadows: true,
             direct: true,
-            transparency: facts.see_through,
+            transparency: facts.see_through(),
         }
     }
 
     pub(crate) fn from(passes: &Passes, settings: &Settings, facts: SceneFacts) -> Self {
-        let permutations = permutations(settings, facts);
-        let transparency = passes.transparency.as_ref().map(Transparency::permutations);
+        let lookup = Lookup::new(&settings.shadow);
+        let serves = |transparency: &Transparency| transparency.serves(lookup, facts);
         Self {
             surfaces: !passes.surfaces.serves(&settings.surface, facts),
             shadows: !passes.shadows.serves(&settings.shadow, facts),
-            direct: passes.direct.permutations() != permutations,
-            transparency: facts.see_through && transparency != Some(permutations),
+            direct: passes.direct.permutations() != permutations(settings, facts),
+            transparency: facts.see_through() && !passes.transparency.as_ref().is_some_and(serves),
             ..Self::NONE
         }
     }
 }
 
 fn permutations(settings: &Settings, facts: SceneFacts) -> Permutations {
-    Permutations::new(&settings.shadow, settings.surface.msaa.samples(), facts)
+    let forward = (settings.pipeline == Pipeline::Forward).then(|| settings.surface.msaa.samples());
+    Permutations::new(&settings.shadow, forward, facts)
 }
 
 /// What a [`Plan`] became.
@@ -177,6 +172,20 @@ pub struct Built {
     pub(crate) shadows: Option<ShadowMaps>,
     pub(crate) direct: Option<DirectLight>,
     pub(crate) transparency: Option<Transparency>,
+}
+
+impl Built {
+    /// The passes, where all were missing.
+    pub(crate) fn into_passes(self) -> Option<Passes> {
+        Some(Passes {
+            frame_group: self.frame_group?,
+            motion: self.motion?,
+            surfaces: self.surfaces?,
+            shadows: self.shadows?,
+            direct: self.direct?,
+            transparency: self.transparency,
+        })
+    }
 }
 
 impl Plan {
@@ -206,20 +215,31 @@ impl Plan {
         &self.kit
     }
 
-    /// Compiles. Takes up to seconds; any thread may do it.
+    /// Compiles, on all cores. Takes up to seconds; any thread may do it.
     ///
     /// # Errors
     /// When a shader does not link or compile.
     pub fn build(self) -> Result<Built, Error> {
         let is_empty = self.is_empty();
         let Self { kit, settings, resolved, facts, generation, missing } = self;
+        let frame_group = || missing.frame_group.then(|| kit.frame_group()).transpose();
+        let motion = || missing.motion.then(|| kit.motion()).transpose();
+        let surfaces = || missing.surfaces.then(|| kit.surfaces(&resolved, facts)).transpose();
+        let shadows = || missing.shadows.then(|| kit.shadows(&resolved, facts)).transpose();
+        let direct = || missing.direct.then(|| kit.direct(&resolved, facts)).transpose();
+        let transparency = || missing.transparency.then(|| kit.transparency(&resolved, facts)).transpose();
+        // What takes longest first.
+        let (((transparency, direct), (surfaces, shadows)), (frame_group, motion)) = parallel::join(
+            || parallel::join(|| parallel::join(transparency, direct), || parallel::join(surfaces, shadows)),
+            || parallel::join(frame_group, motion),
+        );
         Ok(Built {
-            frame_group: missing.frame_group.then(|| kit.frame_group()).transpose()?,
-            motion: missing.motion.then(|| kit.motion()).transpose()?,
-            surfaces: missing.surfaces.then(|| kit.surfaces(&resolved, facts)).transpose()?,
-            shadows: missing.shadows.then(|| kit.shadows(&resolved, facts)).transpose()?,
-            direct: missing.direct.then(|| kit.direct(&resolved, facts)).transpose()?,
-            transparency: missing.transparency.then(|| kit.transparency(&resolved, facts)).transpose()?,
+            frame_group: frame_group?,
+            motion: motion?,
+            surfaces: surfaces?,
+            shadows: shadows?,
+            direct: direct?,
+            transparency: transparency?,
             kit,
             settings,
             resolved,

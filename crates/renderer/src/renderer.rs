@@ -86,7 +86,8 @@ impl Renderer {
     fn with(kit: Kit, settings: Settings, facts: SceneFacts) -> Result<Self, Error> {
         check(&kit.gpu, &settings)?;
         let resolved = settings.resolved(&kit.gpu);
-        let passes = kit.passes(&resolved, facts)?;
+        let plan = Plan::new(kit.clone(), settings.clone(), facts, 0, Missing::all(facts));
+        let Some(passes) = plan.build()?.into_passes() else { unreachable!("everything was missing") };
         kit.gpu.check()?;
         Ok(Self {
             kit,
@@ -298,15 +299,13 @@ impl Renderer {
             if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };
         let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
         let sky = map.is_none().then_some(wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 });
-        let forward = settings.pipeline == Pipeline::Forward;
         let environment = map.map(|map| &map.texture);
         let views = shadow_views.views.len();
         self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), views, environment);
         self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
         let (shadow, anisotropy) = (&settings.shadow, settings.surface.anisotropy);
         self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, shadow, anisotropy);
-        let kinds = (forward, scene.gpu.unlit);
-        self.passes.direct.reserve(&self.kit.gpu, &self.pool, (size_px, grid), kinds);
+        self.passes.direct.reserve(&self.kit.gpu, &self.pool, (size_px, grid), scene.gpu.unlit);
         if let Some(transparency) = &mut self.passes.transparency {
             transparency.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px, settings.surface.layers);
         }

@@ -1,6 +1,6 @@
 //! Stills: jittered frames averaged, with single quantities beside the picture.
 
-use chiaro_gpu::{Readback, Recorder};
+use chiaro_gpu::{Readback, Recorder, parallel};
 use chiaro_techniques::post::{Accumulator, Aov, AovPass, Display, Sum};
 use glam::Vec2;
 
@@ -110,12 +110,15 @@ impl Renderer {
         let size = options.size;
         let samples = options.samples.max(1);
         let jitter = Jitter::new(samples);
-        let accumulator = Accumulator::new(&gpu, &library)?;
-        let display = Display::new(&gpu, &library)?;
-        let permutations = self.permutations();
-        let aov_pass = (!options.aovs.is_empty())
-            .then(|| AovPass::new(&gpu, &library, self.frame_layout(), permutations, options.aovs.len()))
-            .transpose()?;
+        let (permutations, frame_layout) = (self.permutations(), self.frame_layout().clone());
+        let aov_pass = || {
+            let count = options.aovs.len();
+            (count > 0).then(|| AovPass::new(&gpu, &library, &frame_layout, permutations, count)).transpose()
+        };
+        let (aov_pass, (accumulator, display)) = parallel::join(aov_pass, || {
+            parallel::join(|| Accumulator::new(&gpu, &library), || Display::new(&gpu, &library))
+        });
+        let (aov_pass, accumulator, display) = (aov_pass?, accumulator?, display?);
         let mut sum = Sum::new(&gpu, &self.pool, size);
         let mut unlit = scene.gpu.unlit.then(|| Sum::new(&gpu, &self.pool, size));
         let mut aov_sums: Vec<_> = options.aovs.iter().map(|_| Sum::new(&gpu, &self.pool, size)).collect();

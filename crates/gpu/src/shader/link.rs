@@ -2,13 +2,14 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use wesl::syntax::{Attribute, Expression, GlobalDeclaration, LiteralExpression, TranslationUnit};
 use wesl::{Feature, Mangler, ModulePath, VirtualResolver, Wesl};
 
 use super::Linked;
-use crate::GpuError;
-use crate::pipeline::FIRST_OWN_GROUP;
+use crate::pipeline::{FIRST_OWN_GROUP, Shader};
+use crate::{Gpu, GpuError};
 
 /// An entry file with its `@if` flags. Every flag that its imports mention must be listed, on or off: an unknown
 /// one is an error, not silently false.
@@ -40,22 +41,27 @@ impl Permutation {
     }
 }
 
-/// WESL modules by file path.
+/// Shaders of devices; whoever wants one that is being made waits for it.
+type Shaders = HashMap<(wgpu::Device, Permutation), Arc<Mutex<Option<Arc<Shader>>>>>;
+
+/// WESL modules by file path. Clones share what was linked from them.
 #[derive(Clone, Debug, Default)]
 pub struct Library {
     files: Vec<(&'static str, Cow<'static, str>)>,
+    shaders: Arc<Mutex<Shaders>>,
 }
 
 impl Library {
     /// Modules as (path below the crate's source folder, text).
     pub fn new(files: &[(&'static str, &'static str)]) -> Self {
-        Self { files: files.iter().map(|&(path, text)| (path, Cow::Borrowed(text))).collect() }
+        Self::default().with(files)
     }
 
     /// Adds another crate's modules, so that its shaders may import these.
     #[must_use]
     pub fn with(mut self, files: &[(&'static str, &'static str)]) -> Self {
         self.files.extend(files.iter().map(|&(path, text)| (path, Cow::Borrowed(text))));
+        self.shaders = Arc::default();
         self
     }
 
@@ -67,6 +73,7 @@ impl Library {
                 *known = Cow::Owned(other);
             }
         }
+        self.shaders = Arc::default();
         self
     }
 
@@ -100,6 +107,22 @@ impl Library {
         number_own_bindings(&mut linked.syntax);
         let wgsl = linked.to_string();
         Linked::validate(permutation, wgsl, |line| self.place_of(line, permutation.entry))
+    }
+
+    /// A permutation as the device takes it, linked once for all pipelines that are made of it.
+    pub(crate) fn shader(&self, gpu: &Gpu, permutation: &Permutation) -> Result<Arc<Shader>, GpuError> {
+        let key = (gpu.device.clone(), permutation.clone());
+        let place = {
+            let mut shaders = self.shaders.lock().unwrap_or_else(PoisonError::into_inner);
+            shaders.entry(key).or_default().clone()
+        };
+        let mut known = place.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(shader) = &*known {
+            return Ok(shader.clone());
+        }
+        let shader = Arc::new(Shader::new(gpu, &self.link(permutation)?)?);
+        *known = Some(shader.clone());
+        Ok(shader)
     }
 
     /// `path:line` of the line that became this one of the linked text; linking moves lines and renames what is imported,

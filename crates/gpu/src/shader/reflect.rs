@@ -122,15 +122,15 @@ impl Linked {
         Ok(found)
     }
 
-    /// The entry point of a stage.
-    pub fn entry_point(&self, stage: naga::ShaderStage) -> Option<&str> {
-        self.module.entry_points.iter().find(|e| e.stage == stage).map(|e| e.name.as_str())
+    /// The entry points by stage.
+    pub(crate) fn entry_points(&self) -> Vec<(naga::ShaderStage, String)> {
+        self.module.entry_points.iter().map(|entry| (entry.stage, entry.name.clone())).collect()
     }
 
-    /// The linked name of a pipeline-overridable constant, which imports rename.
-    pub fn constant_name(&self, name: &str) -> Option<&str> {
-        let names = self.module.overrides.iter().filter_map(|(_, constant)| constant.name.as_deref());
-        names.into_iter().find(|linked| unmangled(linked) == name)
+    /// The pipeline-overridable constants: their names, and the linked ones, which imports change.
+    pub(crate) fn constants(&self) -> Vec<(String, String)> {
+        let names = self.module.overrides.iter().filter_map(|(_, constant)| constant.name.clone());
+        names.map(|linked| (unmangled(&linked).to_owned(), linked)).collect()
     }
 
     /// Workgroup size of the compute entry point.

@@ -10,7 +10,7 @@ use super::{
     stage::{Stage, plain},
     texture::{Noise, Surface, hash},
 };
-use crate::{AlphaMode, Id, ImageData, Material, TextureRef};
+use crate::{AlphaMode, Id, Material, TextureRef};
 
 /// Alpha from which on a leaf is there.
 pub const CUTOFF: f32 = 0.5;
@@ -40,13 +40,13 @@ impl Dice {
 }
 
 /// Paints a square with holes: `paint` gives linear colour, relief in metres and alpha at (u, v), v downwards.
-fn cutout(stage: &mut Stage, name: &str, size: u32, paint: impl Fn(Vec2) -> (Vec3, f32)) -> TextureRef {
-    let pixel = |i: u32| (vec2((i % size) as f32, (i / size) as f32) + 0.5) / size as f32;
-    let mut image: ImageData = Surface::paint(size, |uv| (paint(uv).0, 0.0)).base_color(name);
-    for (i, rgba) in image.rgba.chunks_exact_mut(4).enumerate() {
-        rgba[3] = (paint(pixel(i as u32)).1.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-    }
-    stage.image(image, 1.0)
+fn cutout(
+    stage: &mut Stage,
+    name: &str,
+    size: u32,
+    paint: impl Fn(Vec2) -> (Vec3, f32) + Sync,
+) -> TextureRef {
+    stage.image(Surface::paint(size, paint).cutout(name), 1.0)
 }
 
 fn masked(stage: &mut Stage, name: &str, picture: TextureRef, roughness: f32) -> Id {

@@ -2,6 +2,7 @@
 //! are too fine for a [`super::solid::Solid`].
 
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 use crate::{Id, Primitive};
 
@@ -25,18 +26,18 @@ impl Grid {
         self,
         material: Id,
         tangents: bool,
-        at: impl Fn(usize, usize) -> (Vec3, Vec2),
+        at: impl Fn(usize, usize) -> (Vec3, Vec2) + Sync,
     ) -> Primitive {
         let Self { columns, rows, closes } = self;
         let wrapped = |i: usize, count: usize, closes: bool| if closes { i % (count - 1) } else { i };
-        let mut positions = Vec::with_capacity(columns * rows);
-        let mut uvs = Vec::with_capacity(columns * rows);
-        for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
-            let (place, uv) = at(column, row);
-            let (c, r) = (wrapped(column, columns, closes[0]), wrapped(row, rows, closes[1]));
+        let own = |i: usize| {
+            wrapped(i / columns, rows, closes[1]) * columns + wrapped(i % columns, columns, closes[0])
+        };
+        let points = (0..columns * rows).into_par_iter().map(|i| at(i % columns, i / columns));
+        let (mut positions, uvs): (Vec<Vec3>, Vec<Vec2>) = points.unzip();
+        for i in 0..positions.len() {
             // A seam is the same point to the last bit: copied, not computed again.
-            positions.push(if (c, r) == (column, row) { place } else { positions[r * columns + c] });
-            uvs.push(uv);
+            positions[i] = positions[own(i)];
         }
         let mut indices = Vec::with_capacity(6 * (columns - 1) * (rows - 1));
         let mut sums = vec![Vec3::ZERO; columns * rows];
@@ -54,10 +55,8 @@ impl Grid {
                 indices.extend(triangle.map(|i| i as u32));
             }
         }
-        let own = |i: usize| {
-            wrapped(i / columns, rows, closes[1]) * columns + wrapped(i % columns, columns, closes[0])
-        };
-        let normals: Vec<Vec3> = (0..sums.len()).map(|i| sums[own(i)].normalize_or(Vec3::Y)).collect();
+        let normal = |i: usize| sums[own(i)].normalize_or(Vec3::Y);
+        let normals: Vec<Vec3> = (0..sums.len()).into_par_iter().map(normal).collect();
         let mut out = Primitive {
             positions,
             normals,
@@ -80,7 +79,7 @@ impl Grid {
                 // Normal maps measure v upwards and so does w; texture coordinates measure it downwards.
                 (once - n * n.dot(once)).normalize().extend(-1.0)
             };
-            out.tangents = (0..out.positions.len()).map(along).collect();
+            out.tangents = (0..out.positions.len()).into_par_iter().map(along).collect();
         }
         out
     }

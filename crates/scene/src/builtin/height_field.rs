@@ -25,7 +25,7 @@ pub struct HeightField<'a> {
     /// Extent along X and Z, metres.
     pub size_m: [f32; 2],
     /// Height in metres, not negative, of a vertex by its numbers along +X and +Z.
-    pub height: &'a dyn Fn(usize, usize) -> f32,
+    pub height: &'a (dyn Fn(usize, usize) -> f32 + Sync),
 }
 
 /// A closed block with the field on top, a sun, a sky, and cameras that see all of it, and across it.

@@ -46,7 +46,7 @@ fn assert_promises(name: &str) {
 fn a_height_field_is_a_closed_block_whatever_its_shape() {
     let deep = |x: usize, z: usize| if x == 3 && z == 2 { 0.0 } else { 9.0 + (x * z % 5) as f32 };
     let flat = |_: usize, _: usize| 0.0;
-    let heights: [(&dyn Fn(usize, usize) -> f32, usize); 3] = [(&deep, 7), (&flat, 4), (&deep, 2)];
+    let heights: [(&(dyn Fn(usize, usize) -> f32 + Sync), usize); 3] = [(&deep, 7), (&flat, 4), (&deep, 2)];
     for (height, side) in heights {
         let scene = height_field(&HeightField { name: "field", side, size_m: [30.0, 90.0], height });
         assert_sound(&scene);

@@ -1,8 +1,10 @@
 //! Textures made by code: tileable, seeded, the same on every machine.
 //!
-//! A [`Surface`] is painted as colour and height at once, so that the normal map belongs to the picture.
+//! A [`Surface`] is painted as colour and height at once, so that the normal map belongs to the picture. All cores paint,
+//! each pixel by itself, so that their number does not show.
 
 use glam::{IVec2, Vec2, Vec3, ivec2, vec2, vec3};
+use rayon::prelude::*;
 
 use crate::ImageData;
 
@@ -17,19 +19,28 @@ pub struct Surface {
 
 impl Surface {
     /// Asks `paint` for linear colour and height in metres at (u, v) in 0..1, v downwards.
-    pub fn paint(size: u32, paint: impl Fn(Vec2) -> (Vec3, f32)) -> Self {
+    pub fn paint(size: u32, paint: impl Fn(Vec2) -> (Vec3, f32) + Sync) -> Self {
         let at = |i: u32| paint((vec2((i % size) as f32, (i / size) as f32) + 0.5) / size as f32);
-        let (color, height) = (0..size * size).map(at).unzip();
+        let (color, height) = (0..size * size).into_par_iter().map(at).unzip();
         Self { size, color, height }
     }
 
     /// The colour as an sRGB image.
     pub fn base_color(&self, name: &str) -> ImageData {
+        self.picture(name, |_| 255)
+    }
+
+    /// The same cut out: where `height` was to be, `paint` told how much of the pixel is there, 0..1.
+    pub fn cutout(&self, name: &str) -> ImageData {
+        self.picture(name, |height| (height.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
+    }
+
+    fn picture(&self, name: &str, alpha: impl Fn(f32) -> u8 + Sync) -> ImageData {
         // Encoding by table: the power function a million times over would be most of the painting's cost.
         let table: Vec<u8> = (0..4096).map(|i| encode_srgb(i as f32 / 4095.0)).collect();
         let byte = |x: f32| table[(x.clamp(0.0, 1.0) * 4095.0 + 0.5) as usize];
-        let rgba = self.color.iter().flat_map(|c| [byte(c.x), byte(c.y), byte(c.z), 255]).collect();
-        ImageData { name: name.to_owned(), width: self.size, height: self.size, rgba }
+        let pixel = |(c, &height): (&Vec3, &f32)| [byte(c.x), byte(c.y), byte(c.z), alpha(height)];
+        self.image(name, self.color.par_iter().zip(&self.height).map(pixel))
     }
 
     /// The relief as a tangent-space normal map, y up in the picture, of a square `side_m` wide.
@@ -45,7 +56,13 @@ impl Surface {
             let byte = |c: f32| ((c * 0.5 + 0.5) * 255.0 + 0.5) as u8;
             [byte(unit.x), byte(unit.y), byte(unit.z), 255]
         };
-        ImageData { name: name.to_owned(), width: n, height: n, rgba: (0..n * n).flat_map(pixel).collect() }
+        self.image(name, (0..n * n).into_par_iter().map(pixel))
+    }
+
+    fn image(&self, name: &str, pixels: impl IndexedParallelIterator<Item = [u8; 4]>) -> ImageData {
+        let pixels: Vec<[u8; 4]> = pixels.collect();
+        let rgba = pixels.into_flattened();
+        ImageData { name: name.to_owned(), width: self.size, height: self.size, rgba }
     }
 }
 
@@ -77,10 +94,16 @@ impl Noise {
     pub fn new(size: u32, cells: IVec2, octaves: u32, seed: u32) -> Self {
         let mut values = vec![0.0; (size * size) as usize];
         let sum = 1.0 - 0.5f32.powi(octaves as i32);
-        for octave in 0..octaves {
+        let octave = |octave: u32| {
             let strength = 0.5f32.powi(octave as i32 + 1) / sum;
-            add_octave(&mut values, size, cells * (1 << octave), seed + octave, strength);
-        }
+            Octave::new(size, cells * (1 << octave), seed + octave, strength)
+        };
+        let octaves: Vec<_> = (0..octaves).map(octave).collect();
+        values.par_chunks_exact_mut(size as usize).enumerate().for_each(|(y, row)| {
+            for octave in &octaves {
+                octave.add_to(row, y as u32);
+            }
+        });
         Self { size, values }
     }
 
@@ -91,23 +114,38 @@ impl Noise {
     }
 }
 
-fn add_octave(values: &mut [f32], size: u32, cells: IVec2, seed: u32, strength: f32) {
-    // Lattice cell and eased position in it.
-    let place = |i: u32, cells: i32| {
+/// One frequency of a [`Noise`].
+struct Octave {
+    cells: IVec2,
+    seed: u32,
+    strength: f32,
+    /// Lattice cell of each column, and the eased position in it.
+    columns: Vec<(usize, f32)>,
+}
+
+impl Octave {
+    fn new(size: u32, cells: IVec2, seed: u32, strength: f32) -> Self {
+        let column = |x| Self::place(x, size, cells.x);
+        let columns = (0..size).map(column).map(|(c, f)| (c as usize, f)).collect();
+        Self { cells, seed, strength, columns }
+    }
+
+    /// Lattice cell and eased position in it.
+    fn place(i: u32, size: u32, cells: i32) -> (i32, f32) {
         let p = (i as f32 + 0.5) / size as f32 * cells as f32;
         let f = p.fract();
         (p as i32, f * f * (3.0 - 2.0 * f))
-    };
-    let columns: Vec<(usize, f32)> =
-        (0..size).map(|x| place(x, cells.x)).map(|(c, f)| (c as usize, f)).collect();
-    for (y, row) in values.chunks_exact_mut(size as usize).enumerate() {
-        let (cy, fy) = place(y as u32, cells.y);
+    }
+
+    fn add_to(&self, row: &mut [f32], y: u32) {
+        let Self { cells, seed, strength, columns } = self;
+        let (cy, fy) = Self::place(y, row.len() as u32, cells.y);
         let lattice = |x: i32| {
-            let (a, b) = (hash(x % cells.x, cy, seed), hash(x % cells.x, (cy + 1) % cells.y, seed));
+            let (a, b) = (hash(x % cells.x, cy, *seed), hash(x % cells.x, (cy + 1) % cells.y, *seed));
             (a + (b - a) * fy - 0.5) * strength
         };
         let line: Vec<f32> = (0..=cells.x).map(lattice).collect();
-        for (value, (c, f)) in row.iter_mut().zip(&columns) {
+        for (value, (c, f)) in row.iter_mut().zip(columns) {
             *value += line[*c] + (line[*c + 1] - line[*c]) * f;
         }
     }

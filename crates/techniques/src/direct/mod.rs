@@ -20,12 +20,13 @@ use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, Bind, Buffer, ComputePipeline, DepthAttachment, Dispatch, Draw, Frame, Gpu, GpuError, Group,
     GroupLayout, Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
+    parallel,
 };
 
 use crate::shaders;
 use crate::shadow::{Lookup, ShadowOutputs, ShadowSettings};
-use crate::surface::culling::{DEPTH_COMPARE, DrawLists, draw_classes};
-use crate::surface::scene::{KINDS, OPAQUE};
+use crate::surface::culling::{DEPTH_COMPARE, DrawLists, Kinds, draw_classes, kinds};
+use crate::surface::scene::OPAQUE;
 use crate::surface::{SceneFacts, SceneGpu, SurfaceBuffer, cull_mode};
 
 /// What shaders are compiled for.
@@ -33,16 +34,17 @@ use crate::surface::{SceneFacts, SceneGpu, SurfaceBuffer, cull_mode};
 pub struct Permutations {
     /// How shadows are looked up.
     pub shadow: Lookup,
-    /// Samples per pixel of the forward pipeline.
-    pub msaa: u32,
-    /// What materials use, for the forward pipeline.
+    /// Samples per pixel of the forward pipeline; `None` for the deferred one.
+    pub forward: Option<u32>,
+    /// What materials use; of the deferred pipeline only whether they glow.
     pub facts: SceneFacts,
 }
 
 impl Permutations {
     /// Those that settings ask for.
-    pub fn new(shadow: &ShadowSettings, msaa: u32, facts: SceneFacts) -> Self {
-        Self { shadow: Lookup::new(shadow), msaa, facts }
+    pub fn new(shadow: &ShadowSettings, forward: Option<u32>, facts: SceneFacts) -> Self {
+        let deferred = SceneFacts { glows: facts.glows, ..SceneFacts::default() };
+        Self { shadow: Lookup::new(shadow), forward, facts: if forward.is_some() { facts } else { deferred } }
     }
 
     /// Constants of every shader that looks shadows up.
@@ -55,11 +57,16 @@ impl Permutations {
 #[derive(Debug)]
 pub struct DirectLight {
     grid: ComputePipeline,
-    shade: [ComputePipeline; 2],
-    forward: [RenderPipeline; KINDS],
-    background: RenderPipeline,
+    shading: Shading,
     permutations: Permutations,
     targets: Option<Buffers>,
+}
+
+/// What turns light and surfaces into radiance.
+#[derive(Debug)]
+enum Shading {
+    Deferred(ComputePipeline),
+    Forward { kinds: Kinds, background: RenderPipeline },
 }
 
 #[derive(Debug)]
@@ -86,15 +93,19 @@ impl DirectLight {
         let shared = &[frame_layout, scene_layout];
         let constants = permutations.constants(gpu);
         let float_maps = permutations.shadow.float_maps;
-        let shade = |emissive| {
-            ComputePipeline::new(gpu, library, &shaders::shade(emissive, float_maps), shared, &constants)
+        let grid = || ComputePipeline::new(gpu, library, &shaders::plain("direct/grid.cs.wesl"), shared, &[]);
+        let Some(msaa) = permutations.forward else {
+            let shade = shaders::shade(permutations.facts.glows, float_maps);
+            let (shade, grid) =
+                parallel::join(|| ComputePipeline::new(gpu, library, &shade, shared, &constants), grid);
+            return Ok(Self { grid: grid?, shading: Shading::Deferred(shade?), permutations, targets: None });
         };
         let target = [wgpu::ColorTargetState {
             format: TextureFormat::Rgba16Float,
             blend: None,
             write_mask: wgpu::ColorWrites::ALL,
         }];
-        let multisampled = permutations.msaa > 1;
+        let multisampled = msaa > 1;
         let forward_constants = [&constants[..], &permutations.facts.constants()].concat();
         let forward = |class: usize| {
             let masked = class & 2 != 0;
@@ -102,7 +113,7 @@ impl DirectLight {
                 targets: &target,
                 depth: Some((TextureFormat::Depth32Float, DEPTH_COMPARE)),
                 cull: cull_mode(class),
-                samples: permutations.msaa,
+                samples: msaa,
                 alpha_to_coverage: masked && multisampled,
                 constants: &forward_constants,
                 ..Default::default()
@@ -119,15 +130,20 @@ impl DirectLight {
             targets: &target,
             // Where depth is still 0; what is drawn there leaves it so.
             depth: Some((TextureFormat::Depth32Float, wgpu::CompareFunction::Equal)),
-            samples: permutations.msaa,
+            samples: msaa,
             ..Default::default()
         };
         let background_entry = shaders::background();
+        let (kinds, (background, grid)) = parallel::join(
+            || kinds(permutations.facts.draws(OPAQUE), forward),
+            || {
+                let background = || RenderPipeline::new(gpu, library, &background_entry, shared, &background);
+                parallel::join(background, grid)
+            },
+        );
         Ok(Self {
-            background: RenderPipeline::new(gpu, library, &background_entry, shared, &background)?,
-            grid: ComputePipeline::new(gpu, library, &shaders::plain("direct/grid.cs.wesl"), shared, &[])?,
-            shade: [shade(false)?, shade(true)?],
-            forward: [forward(0)?, forward(1)?, forward(2)?, forward(3)?],
+            grid: grid?,
+            shading: Shading::Forward { kinds: kinds?, background: background? },
             permutations,
             targets: None,
         })
@@ -144,10 +160,11 @@ impl DirectLight {
         gpu: &Gpu,
         pool: &TexturePool,
         (size, grid): ([u32; 2], [u32; 4]),
-        (forward, unlit): (bool, bool),
+        unlit: bool,
     ) {
+        let forward = self.permutations.forward.is_some();
         let words = grid.iter().map(|&n| u64::from(n)).product();
-        let samples = if forward { self.permutations.msaa } else { 1 };
+        let samples = self.permutations.forward.unwrap_or(1);
         let fits = |b: &Buffers| {
             let o = b.radiance.options();
             let has = b.multisampled.as_ref().map_or(1, |(color, _)| color.options().samples);
@@ -217,6 +234,9 @@ impl DirectLight {
     }
 
     /// Deferred: radiance from the surface buffer.
+    ///
+    /// # Panics
+    /// When compiled for the forward pipeline.
     pub fn record_deferred(
         &self,
         frame: &mut Frame<'_>,
@@ -225,6 +245,9 @@ impl DirectLight {
         (shadows, light_grid): (&ShadowOutputs, &Buffer),
         radiance: &Texture,
     ) {
+        let Shading::Deferred(pipeline) = &self.shading else {
+            panic!("direct: compiled for the forward pipeline")
+        };
         let mut binds = lighting_binds(shadows, light_grid);
         binds.extend(surface_binds(surface));
         binds.push(("radiance", radiance.into()));
@@ -232,12 +255,14 @@ impl DirectLight {
             binds.push(("emissive", emissive.into()));
         }
         let options = radiance.options();
-        let pipeline = &self.shade[usize::from(surface.emissive.is_some())];
         let threads = Dispatch::Threads([options.width, options.height, 1]);
         frame.compute("direct/shade", pipeline, &[frame_group], &binds, threads);
     }
 
     /// Forward: radiance from the camera's draw list; `sky` in stored units, `None` draws the environment.
+    ///
+    /// # Panics
+    /// When compiled for the deferred pipeline.
     pub fn record_forward(
         &self,
         frame: &mut Frame<'_>,
@@ -248,12 +273,13 @@ impl DirectLight {
         radiance: &Texture,
     ) {
         let targets = self.targets();
-        let Some((color, depth)) = &targets.multisampled else {
-            // `reserve` makes them where its `forward` is set, as the forward pipeline does.
-            panic!("direct: no forward targets reserved")
+        let (Some((color, depth)), Shading::Forward { kinds, background }) =
+            (&targets.multisampled, &self.shading)
+        else {
+            panic!("direct: compiled for the deferred pipeline")
         };
         // One sample needs no resolve: the radiance target is drawn into.
-        let single = self.permutations.msaa == 1;
+        let single = self.permutations.forward == Some(1);
         let attachment = Attachment {
             texture: if single { radiance } else { color },
             layer: 0,
@@ -267,9 +293,9 @@ impl DirectLight {
         let binds = lighting_binds(shadows, light_grid);
         let shared = &[frame_group, scene.group()];
         frame.render("direct/forward", passes, |pass| {
-            draw_classes(pass, &self.forward, OPAQUE, shared, &binds, (lists, 0, true));
+            draw_classes(pass, kinds, OPAQUE, shared, &binds, (lists, 0, true));
             if sky.is_none() {
-                pass.draw(&self.background, shared, &binds, Draw::FullScreen);
+                pass.draw(background, shared, &binds, Draw::FullScreen);
             }
         });
     }

@@ -26,7 +26,7 @@ pub use settings::EnvironmentSettings;
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life, Texture, TextureOptions,
+    Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life, Texture, TextureOptions, parallel,
 };
 use chiaro_scene as cs;
 use glam::Vec3;
@@ -128,9 +128,16 @@ fn record(
 ) -> Result<(), GpuError> {
     let gpu = frame.gpu().clone();
     let pipeline = |entry| ComputePipeline::new(&gpu, library, &shaders::plain(entry), &[], &[]);
-    let project = pipeline("environment/project.cs.wesl")?;
-    let halve = pipeline("environment/halve.cs.wesl")?;
-    let prefilter = pipeline("environment/prefilter.cs.wesl")?;
+    let (prefilter, (project, halve)) = parallel::join(
+        || pipeline("environment/prefilter.cs.wesl"),
+        || {
+            parallel::join(
+                || pipeline("environment/project.cs.wesl"),
+                || pipeline("environment/halve.cs.wesl"),
+            )
+        },
+    );
+    let (prefilter, project, halve) = (prefilter?, project?, halve?);
     let sampler = sampler(&gpu);
     let side = plain.options().width;
     let over = |mip: u32| Dispatch::Threads([(side >> mip).max(1), (side >> mip).max(1), 6]);

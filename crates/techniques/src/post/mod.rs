@@ -19,7 +19,7 @@ use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture,
-    TextureOptions, TexturePool,
+    TextureOptions, TexturePool, parallel,
 };
 
 use crate::direct::{Permutations, lighting_binds, surface_binds};
@@ -197,10 +197,17 @@ impl Display {
     /// When a shader does not compile.
     pub fn new(gpu: &Gpu, library: &Library) -> Result<Self, GpuError> {
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let (histogram, (exposure, tone_map)) = parallel::join(
+            || plain(gpu, library, "post/histogram.cs.wesl"),
+            || {
+                let exposure = || plain(gpu, library, "post/exposure.cs.wesl");
+                parallel::join(exposure, || plain(gpu, library, "post/tone_map.cs.wesl"))
+            },
+        );
         Ok(Self {
-            histogram: plain(gpu, library, "post/histogram.cs.wesl")?,
-            exposure: plain(gpu, library, "post/exposure.cs.wesl")?,
-            tone_map: plain(gpu, library, "post/tone_map.cs.wesl")?,
+            histogram: histogram?,
+            exposure: exposure?,
+            tone_map: tone_map?,
             bins: Buffer::new(gpu, "histogram", Life::Frame, 4 * 256, storage),
             histogram_input: uniform::<[u32; 4]>(gpu, "histogram_input"),
             exposure_input: uniform::<[u32; 4]>(gpu, "exposure_input"),

@@ -5,7 +5,7 @@ use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Bind, Binding, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
-    RenderPipelineOptions, Targets, Texture, TextureOptions,
+    RenderPipelineOptions, Targets, Texture, TextureOptions, parallel,
 };
 use glam::Vec4Swizzles;
 
@@ -16,9 +16,9 @@ use super::views::{ShadowView, ShadowViews};
 use super::{Fit, PointLayout, ShadowSettings};
 use crate::shaders;
 use crate::shared::frame::ShadowViewData;
-use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, draw_classes};
+use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, Kinds, draw_classes, kinds};
 use crate::surface::raster::{ComputeRaster, Draws, MatrixOver, RasterView};
-use crate::surface::scene::{KINDS, OPAQUE};
+use crate::surface::scene::{CLASSES, OPAQUE};
 use crate::surface::{SceneFacts, SceneGpu};
 
 /// What [`ShadowMaps::record`] writes.
@@ -105,8 +105,8 @@ impl DrawView {
 #[derive(Debug)]
 pub struct ShadowMaps {
     culling: Culling,
-    pipelines: [RenderPipeline; KINDS],
-    paraboloid: Option<[RenderPipeline; KINDS]>,
+    pipelines: Kinds,
+    paraboloid: Option<Kinds>,
     fitter: Option<Fitter>,
     tint: Option<Tint>,
     moments: Moments,
@@ -159,31 +159,44 @@ impl ShadowMaps {
             let entry = shaders::shadow_paraboloid(masked, settings.bias_cull_front);
             RenderPipeline::new(gpu, library, &entry, shared, &options)
         };
-        let paraboloid = (settings.point_layout == PointLayout::Paraboloid)
-            .then(|| Ok([paraboloid(0)?, paraboloid(1)?, paraboloid(2)?, paraboloid(3)?]))
-            .transpose()?;
+        // What is see-through casts, too.
+        let drawn = facts.draws(0..CLASSES);
         let computed = settings.computes_maps();
-        let moments = Moments::new(gpu, library, frame_layout, settings, computed)?;
+        let paraboloid = || {
+            (settings.point_layout == PointLayout::Paraboloid).then(|| kinds(drawn, paraboloid)).transpose()
+        };
+        let raster = || {
+            let draws = Draws::Depth { cull_front: settings.bias_cull_front };
+            computed.then(|| ComputeRaster::new(gpu, library, scene_layout, facts, draws)).transpose()
+        };
+        let fitter =
+            || (settings.fit == Fit::Depth).then(|| Fitter::new(gpu, library, frame_layout)).transpose();
+        let tint = || settings.transmission_tint.then(|| Tint::new(gpu, library, shared, facts)).transpose();
+        let moments = || Moments::new(gpu, library, frame_layout, settings, computed);
+        let culling = || Culling::new(gpu, library, scene_layout);
+        let (((pipelines, paraboloid), (raster, fitter)), ((tint, moments), culling)) = parallel::join(
+            || {
+                parallel::join(
+                    || parallel::join(|| kinds(drawn, pipeline), paraboloid),
+                    || parallel::join(raster, fitter),
+                )
+            },
+            || parallel::join(|| parallel::join(tint, moments), culling),
+        );
+        let moments = moments?;
         let outputs = ShadowOutputs {
             maps: maps(gpu, 1, 1, computed),
             moments: moments.outputs(),
             ..ShadowOutputs::new(gpu, 1, 1)
         };
         Ok(Self {
-            tint: settings.transmission_tint.then(|| Tint::new(gpu, library, shared, facts)).transpose()?,
+            tint: tint?,
             moments,
-            culling: Culling::new(gpu, library, scene_layout)?,
-            pipelines: [pipeline(0)?, pipeline(1)?, pipeline(2)?, pipeline(3)?],
-            paraboloid,
-            fitter: (settings.fit == Fit::Depth)
-                .then(|| Fitter::new(gpu, library, frame_layout))
-                .transpose()?,
-            raster: computed
-                .then(|| {
-                    let draws = Draws::Depth { cull_front: settings.bias_cull_front };
-                    ComputeRaster::new(gpu, library, scene_layout, facts, draws)
-                })
-                .transpose()?,
+            culling: culling?,
+            pipelines: pipelines?,
+            paraboloid: paraboloid?,
+            fitter: fitter?,
+            raster: raster?,
             anisotropy: 1,
             outputs,
             draw_views: draw_views(gpu, 1),
@@ -208,6 +221,9 @@ impl ShadowMaps {
     }
 
     /// Makes room for so many views. Not inside a frame. `anisotropy`: most taps of a masked caster's texture.
+    ///
+    /// # Panics
+    /// When the passes were compiled for less than the scene needs.
     pub fn reserve(
         &mut self,
         gpu: &Gpu,
@@ -216,6 +232,7 @@ impl ShadowMaps {
         settings: &ShadowSettings,
         anisotropy: u32,
     ) {
+        assert!(self.facts.serve(scene.facts), "shadow: compiled for another scene: {:?}", self.facts);
         self.anisotropy = anisotropy;
         let keeps = settings.cache;
         let views = &views.views;

@@ -13,8 +13,8 @@ use chiaro_gpu::{
 
 use crate::shaders;
 use crate::surface::SceneFacts;
-use crate::surface::culling::{DrawLists, draw_classes};
-use crate::surface::scene::{KINDS, SEE_THROUGH};
+use crate::surface::culling::{DrawLists, Kinds, draw_classes, kinds};
+use crate::surface::scene::SEE_THROUGH;
 
 /// The maps of see-through casters; stand-ins of one texel where there are none.
 #[derive(Clone, Debug)]
@@ -46,7 +46,8 @@ impl TintMaps {
 /// The pass that multiplies tints.
 #[derive(Debug)]
 pub(super) struct Tint {
-    pipelines: [RenderPipeline; KINDS],
+    // Of all kinds alike.
+    pipelines: Kinds,
 }
 
 impl Tint {
@@ -67,7 +68,7 @@ impl Tint {
             write_mask: wgpu::ColorWrites::ALL,
         }];
         let constants = facts.constants();
-        let make = || {
+        let make = |_| {
             let options = RenderPipelineOptions {
                 targets: &target,
                 unclipped_depth: gpu.optional.depth_clip_control,
@@ -76,7 +77,7 @@ impl Tint {
             };
             RenderPipeline::new(gpu, library, &shaders::plain("shadow/tint.vs.wesl"), shared, &options)
         };
-        Ok(Self { pipelines: [make()?, make()?, make()?, make()?] })
+        Ok(Self { pipelines: kinds(facts.draws(SEE_THROUGH), make)? })
     }
 
     /// Draws the see-through casters of one view: `depth` are the pipelines of depth maps.
@@ -84,7 +85,7 @@ impl Tint {
         &self,
         frame: &mut Frame<'_>,
         shared: &[&Group],
-        depth: &[RenderPipeline; KINDS],
+        depth: &Kinds,
         (maps, layer): (&TintMaps, u32),
         binds: &[Bind<'_>],
         (lists, view): (&DrawLists, usize),

@@ -1,13 +1,15 @@
 //! Geometry cut into clusters: twins of `Cluster` in `scene.wesl` and of the heap that `geometry.wesl` reads.
 //!
 //! Every primitive is cut into clusters of at most 128 triangles over at most 128 vertices (meshoptimizer), whose
-//! vertices are stored together, so that a draw list entry is an item and a byte.
+//! vertices are stored together, so that a draw list entry is an item and a byte. Cutting is most of the time that a
+//! large scene takes to upload: all primitives are cut at once, and large ones in pieces.
 
 use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_scene as cs;
 use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 
 use crate::motion::rest::{self, Rest};
 
@@ -38,6 +40,93 @@ const MAX_CLUSTER_TRIANGLES: usize = 128;
 /// meshoptimizer's trade between round clusters (0) and clusters whose normals agree (1).
 const CONE_WEIGHT: f32 = 0.25;
 
+/// Triangles up to which a primitive is cut as a whole. The cutter's time grows faster than they do.
+const PIECE: usize = 1 << 17;
+
+/// A primitive's clusters, by the numbers of its vertices.
+pub(crate) struct Meshlets(Vec<Meshlet>);
+
+struct Meshlet {
+    vertices: Vec<u32>,
+    /// Corners as numbers of `vertices`.
+    triangles: Vec<u8>,
+    sphere: [f32; 4],
+    cone: [f32; 4],
+}
+
+impl Meshlets {
+    /// Cuts a primitive.
+    pub fn new(primitive: &cs::Primitive) -> Self {
+        if primitive.indices.len() <= 3 * PIECE {
+            return Self(meshlets(&primitive.positions, &primitive.indices));
+        }
+        let pieces = pieces(primitive, (0..primitive.indices.len() as u32 / 3).collect());
+        let cut = |triangles: Vec<u32>| {
+            // The cutter keeps lists of all vertices that it is given.
+            let corners = triangles.iter().flat_map(|&t| &primitive.indices[3 * t as usize..][..3]);
+            let mut vertices: Vec<u32> = corners.clone().copied().collect();
+            vertices.sort_unstable();
+            vertices.dedup();
+            let place = |vertex: &u32| vertices.partition_point(|v| v < vertex) as u32;
+            let indices: Vec<_> = corners.map(place).collect();
+            let positions: Vec<_> = vertices.iter().map(|&v| primitive.positions[v as usize]).collect();
+            let mut meshlets = meshlets(&positions, &indices);
+            for vertex in meshlets.iter_mut().flat_map(|meshlet| &mut meshlet.vertices) {
+                *vertex = vertices[*vertex as usize];
+            }
+            meshlets
+        };
+        Self(pieces.into_par_iter().flat_map_iter(cut).collect())
+    }
+}
+
+/// Halves triangles by their middles, along the longest side of the box around these, until they are few enough. Each
+/// piece keeps the file's order.
+fn pieces(primitive: &cs::Primitive, triangles: Vec<u32>) -> Vec<Vec<u32>> {
+    if triangles.len() <= PIECE {
+        return vec![triangles];
+    }
+    let middle = |t: u32| -> Vec3 {
+        let corners = &primitive.indices[3 * t as usize..][..3];
+        corners.iter().map(|&vertex| primitive.positions[vertex as usize] / 3.0).sum()
+    };
+    let (lo, hi) = triangles.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), &t| {
+        let middle = middle(t);
+        (lo.min(middle), hi.max(middle))
+    });
+    let axis = (hi - lo).max_position();
+    let mut keys: Vec<_> = triangles.iter().map(|&t| (middle(t)[axis], t)).collect();
+    let order = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    let half = keys.len() / 2;
+    let pivot = *keys.select_nth_unstable_by(half, order).1;
+    let (low, high): (Vec<_>, Vec<_>) =
+        triangles.into_iter().partition(|&t| order(&(middle(t)[axis], t), &pivot).is_lt());
+    let (mut low, high) = rayon::join(|| pieces(primitive, low), || pieces(primitive, high));
+    low.extend(high);
+    low
+}
+
+/// What meshoptimizer makes of triangles.
+fn meshlets(positions: &[Vec3], indices: &[u32]) -> Vec<Meshlet> {
+    // The stride divides the bytes and the offset is inside it, so this cannot fail.
+    let Ok(adapter) = meshopt::VertexDataAdapter::new(bytemuck::cast_slice(positions), size_of::<Vec3>(), 0)
+    else {
+        return Vec::new();
+    };
+    let meshlets =
+        meshopt::build_meshlets(indices, &adapter, MAX_CLUSTER_VERTICES, MAX_CLUSTER_TRIANGLES, CONE_WEIGHT);
+    let meshlet = |meshlet: meshopt::Meshlet<'_>| {
+        let bounds = meshopt::compute_meshlet_bounds(meshlet, &adapter);
+        Meshlet {
+            vertices: meshlet.vertices.to_vec(),
+            triangles: meshlet.triangles.to_vec(),
+            sphere: [bounds.center[0], bounds.center[1], bounds.center[2], bounds.radius],
+            cone: [bounds.cone_axis[0], bounds.cone_axis[1], bounds.cone_axis[2], bounds.cone_cutoff],
+        }
+    };
+    meshlets.iter().map(meshlet).collect()
+}
+
 /// Clusters and the words that hold their vertices and triangles.
 #[derive(Default)]
 pub(crate) struct Heap {
@@ -54,52 +143,52 @@ enum Place<'a> {
 }
 
 impl Heap {
-    /// Cuts all primitives of a mesh.
-    pub fn add_mesh(&mut self, mesh: &cs::Mesh, materials: &[cs::Material]) -> Range<usize> {
+    /// Takes a mesh whose primitives have been cut.
+    pub fn add_mesh(
+        &mut self,
+        mesh: &cs::Mesh,
+        cut: &[Meshlets],
+        materials: &[cs::Material],
+    ) -> Range<usize> {
         let first = self.clusters.len();
-        for primitive in &mesh.primitives {
-            self.add_primitive(primitive, &materials[primitive.material], Place::Object);
+        for (primitive, meshlets) in mesh.primitives.iter().zip(cut) {
+            self.add_primitive(primitive, meshlets, &materials[primitive.material], Place::Object);
         }
         first..self.clusters.len()
     }
 
-    /// Cuts a mesh that bends, for one node: its vertices are its own.
+    /// Takes a mesh that bends, for one node: its vertices are its own.
     pub fn add_bending(
         &mut self,
         scene: &cs::Scene,
-        pose: &cs::Pose,
-        node: cs::Id,
+        (pose, node): (&cs::Pose, cs::Id),
+        cut: &[Meshlets],
         rest: &mut Rest,
     ) -> Range<usize> {
         let first = self.clusters.len();
         let Some(mesh) = scene.nodes[node].mesh else { return first..first };
         let mut places = Vec::new();
-        for primitive in &scene.meshes[mesh].primitives {
+        for (primitive, meshlets) in scene.meshes[mesh].primitives.iter().zip(cut) {
             let positions: Vec<_> = scene.posed_vertices(pose, node, primitive).map(|(p, _)| p).collect();
             let place = Place::World(&positions, rest, &mut places);
-            self.add_primitive(primitive, &scene.materials[primitive.material], place);
+            self.add_primitive(primitive, meshlets, &scene.materials[primitive.material], place);
         }
         // Other nodes of the same mesh are cut alike and share its shape at rest.
         rest.places.entry(mesh).or_insert(places);
         first..self.clusters.len()
     }
 
-    fn add_primitive(&mut self, primitive: &cs::Primitive, material: &cs::Material, mut place: Place<'_>) {
-        let positions: &[u8] = bytemuck::cast_slice(&primitive.positions);
-        // The stride divides the bytes and the offset is inside it, so this cannot fail.
-        let Ok(adapter) = meshopt::VertexDataAdapter::new(positions, size_of::<Vec3>(), 0) else { return };
-        let meshlets = meshopt::build_meshlets(
-            &primitive.indices,
-            &adapter,
-            MAX_CLUSTER_VERTICES,
-            MAX_CLUSTER_TRIANGLES,
-            CONE_WEIGHT,
-        );
-        for meshlet in meshlets.iter() {
-            let bounds = meshopt::compute_meshlet_bounds(meshlet, &adapter);
+    fn add_primitive(
+        &mut self,
+        primitive: &cs::Primitive,
+        meshlets: &Meshlets,
+        material: &cs::Material,
+        mut place: Place<'_>,
+    ) {
+        for meshlet in &meshlets.0 {
             let cluster = ClusterData {
-                sphere: [bounds.center[0], bounds.center[1], bounds.center[2], bounds.radius],
-                cone: [bounds.cone_axis[0], bounds.cone_axis[1], bounds.cone_axis[2], bounds.cone_cutoff],
+                sphere: meshlet.sphere,
+                cone: meshlet.cone,
                 positions: self.words.len() as u32,
                 attributes: 0,
                 triangles: 0,
@@ -116,7 +205,7 @@ impl Heap {
     fn add_cluster(
         &mut self,
         primitive: &cs::Primitive,
-        meshlet: meshopt::Meshlet<'_>,
+        meshlet: &Meshlet,
         mut cluster: ClusterData,
         place: &mut Place<'_>,
     ) {
@@ -129,7 +218,7 @@ impl Heap {
             for vertex in vertices().chain(vertices()) {
                 self.words.extend(positions[vertex].to_array().map(f32::to_bits));
             }
-            places.push(rest.add_cluster(primitive, meshlet.vertices, meshlet.triangles));
+            places.push(rest.add_cluster(primitive, &meshlet.vertices, &meshlet.triangles));
         } else {
             for vertex in vertices() {
                 self.words.extend(primitive.positions[vertex].to_array().map(f32::to_bits));

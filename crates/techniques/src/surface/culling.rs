@@ -16,7 +16,7 @@ use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{BufferUsages, CompareFunction};
 use chiaro_gpu::{
     Buffer, ComputePipeline, Dispatch, Draw, Frame, Gpu, GpuError, GroupLayout, Life, RenderPass,
-    RenderPipeline,
+    RenderPipeline, parallel,
 };
 use glam::{Mat4, Vec3, Vec4, Vec4Swizzles};
 
@@ -176,12 +176,11 @@ impl Culling {
     /// When a shader does not compile.
     pub fn new(gpu: &Gpu, library: &Library, scene_layout: &GroupLayout) -> Result<Self, GpuError> {
         let make = |entry| ComputePipeline::new(gpu, library, &shaders::plain(entry), &[scene_layout], &[]);
-        Ok(Self {
-            count: make("surface/cull_count.cs.wesl")?,
-            scan: make("surface/cull_scan.cs.wesl")?,
-            expand: make("surface/cull_expand.cs.wesl")?,
-            buffers: None,
-        })
+        let (count, (scan, expand)) = parallel::join(
+            || make("surface/cull_count.cs.wesl"),
+            || parallel::join(|| make("surface/cull_scan.cs.wesl"), || make("surface/cull_expand.cs.wesl")),
+        );
+        Ok(Self { count: count?, scan: scan?, expand: expand?, buffers: None })
     }
 
     /// How many views of a scene fit one [`Culling::record`].
@@ -297,16 +296,34 @@ impl Culling {
 /// Draw lists of the views culled at once take at most this much.
 const LIST_BUDGET_BYTES: u64 = 128 << 20;
 
-/// Draws some classes of a view with pipelines by kind of class.
+/// Pipelines by kind of class, of those kinds that there are.
+pub type Kinds = [Option<RenderPipeline>; KINDS];
+
+/// Makes the pipelines of the kinds that are drawn.
+///
+/// # Errors
+/// Those of `make`.
+pub fn kinds(
+    drawn: [bool; KINDS],
+    make: impl Fn(usize) -> Result<RenderPipeline, GpuError> + Send + Sync,
+) -> Result<Kinds, GpuError> {
+    let made = parallel::each(KINDS, |kind| drawn[kind].then(|| make(kind)).transpose())?;
+    let mut made = made.into_iter();
+    Ok(std::array::from_fn(|_| made.next().flatten()))
+}
+
+/// Draws some classes of a view with pipelines by kind of class. A kind without one has nothing to draw.
 pub fn draw_classes(
     pass: &mut RenderPass<'_, '_>,
-    pipelines: &[RenderPipeline; KINDS],
+    pipelines: &Kinds,
     classes: Range<usize>,
     shared: &[&chiaro_gpu::Group],
     binds: &[chiaro_gpu::Bind<'_>],
     (lists, view, indexed): (&DrawLists, usize, bool),
 ) {
     for class in classes {
-        pass.draw(&pipelines[class % KINDS], shared, binds, lists.draw(view, class, indexed));
+        if let Some(pipeline) = &pipelines[class % KINDS] {
+            pass.draw(pipeline, shared, binds, lists.draw(view, class, indexed));
+        }
     }
 }

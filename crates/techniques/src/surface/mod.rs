@@ -10,7 +10,7 @@
 //! | depth | Depth32Float (R32Float where compute draws) | reversed: near = 1, infinity = 0 |
 //! | visibility | R32Uint | triangle of the camera's draw list + 1; 0 = nothing |
 //! | surface | Rgba32Uint | packed, see `surface.wesl` |
-//! | emissive | Rgba16Float | nits · radiance scale; only for scenes with glowing materials |
+//! | emissive | Rgba16Float | nits · radiance scale; only where compiled for a scene with glowing materials |
 //!
 //! Limits: 128 MiB of geometry words and of draw list on guaranteed WebGPU limits (11 million triangles a view).
 //! Cost: 20 bytes a pixel written, 24 with the visibility buffer.
@@ -31,9 +31,9 @@ use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life,
-    RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
+    RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool, parallel,
 };
-use culling::{CullView, Culling, DrawLists, draw_classes};
+use culling::{CullView, Culling, DrawLists, Kinds, draw_classes, kinds};
 use glam::Mat4;
 use raster::{ComputeRaster, Draws};
 
@@ -48,7 +48,7 @@ pub struct SurfaceBuffer {
     pub visibility: Texture,
     /// Rgba32Uint.
     pub surface: Texture,
-    /// Rgba16Float, for scenes that glow.
+    /// Rgba16Float, where passes were compiled for a scene that glows.
     pub emissive: Option<Texture>,
 }
 
@@ -69,10 +69,10 @@ pub struct SurfaceView {
 #[derive(Debug)]
 pub struct Surfaces {
     culling: Culling,
-    visibility: [RenderPipeline; scene::KINDS],
+    visibility: Kinds,
     // Draws in their place, where the picture fits it.
     raster: Option<ComputeRaster>,
-    resolve: [ComputePipeline; 2],
+    resolve: ComputePipeline,
     indexed: bool,
     facts: SceneFacts,
     buffer: Option<SurfaceBuffer>,
@@ -115,15 +115,26 @@ impl Surfaces {
             let entry = shaders::visibility(indexed, masked, Layer::None);
             RenderPipeline::new(gpu, library, &entry, shared, &options)
         };
-        let resolve =
-            |glows| ComputePipeline::new(gpu, library, &shaders::resolve(glows, false), shared, &materials);
-        Ok(Self {
-            culling: Culling::new(gpu, library, scene_layout)?,
-            visibility: [visibility(0)?, visibility(1)?, visibility(2)?, visibility(3)?],
-            raster: (settings.raster == Raster::Compute)
+        let resolve = shaders::resolve(facts.glows, false);
+        let raster = || {
+            (settings.raster == Raster::Compute)
                 .then(|| ComputeRaster::new(gpu, library, scene_layout, facts, Draws::Numbers))
-                .transpose()?,
-            resolve: [resolve(false)?, resolve(true)?],
+                .transpose()
+        };
+        let ((visibility, raster), (culling, resolve)) = parallel::join(
+            || parallel::join(|| kinds(facts.draws(scene::OPAQUE), visibility), raster),
+            || {
+                parallel::join(
+                    || Culling::new(gpu, library, scene_layout),
+                    || ComputePipeline::new(gpu, library, &resolve, shared, &materials),
+                )
+            },
+        );
+        Ok(Self {
+            culling: culling?,
+            visibility: visibility?,
+            raster: raster?,
+            resolve: resolve?,
             indexed,
             facts,
             buffer: None,
@@ -141,7 +152,11 @@ impl Surfaces {
     }
 
     /// Makes room for a scene at a picture size. Not inside a frame.
+    ///
+    /// # Panics
+    /// When the passes were compiled for less than the scene needs.
     pub fn reserve(&mut self, gpu: &Gpu, pool: &TexturePool, scene: &SceneGpu, [width, height]: [u32; 2]) {
+        assert!(self.facts.serve(scene.facts), "surface: compiled for another scene: {:?}", self.facts);
         self.culling.reserve(gpu, scene, 1);
         let computes = self.raster.is_some() && ComputeRaster::fits_visibility(gpu, [width, height]);
         let (format, usage) = if computes {
@@ -151,9 +166,7 @@ impl Surfaces {
         };
         let same = |b: &SurfaceBuffer| {
             let o = b.depth.options();
-            [o.width, o.height] == [width, height]
-                && o.format == format
-                && b.emissive.is_some() == scene.glows
+            [o.width, o.height] == [width, height] && o.format == format
         };
         if let Some(raster) = self.raster.as_mut().filter(|_| computes) {
             raster.reserve(gpu, [width, height], 1);
@@ -169,7 +182,8 @@ impl Surfaces {
             depth: lend("depth", format, usage),
             visibility: lend("visibility", TextureFormat::R32Uint, usage),
             surface: lend("surface", TextureFormat::Rgba32Uint, TextureUsages::STORAGE_BINDING),
-            emissive: scene
+            emissive: self
+                .facts
                 .glows
                 .then(|| lend("emissive", TextureFormat::Rgba16Float, TextureUsages::STORAGE_BINDING)),
         });
@@ -248,7 +262,7 @@ impl Surfaces {
         }
         let options = buffer.surface.options();
         let threads = Dispatch::Threads([options.width, options.height, 1]);
-        frame.compute("surface/resolve", &self.resolve[usize::from(scene.glows)], shared, &binds, threads);
+        frame.compute("surface/resolve", &self.resolve, shared, &binds, threads);
         buffer.clone()
     }
 }

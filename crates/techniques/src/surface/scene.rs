@@ -10,8 +10,9 @@ use chiaro_gpu::wgpu::{self, BindingType, BufferBindingType, ShaderStages};
 use chiaro_gpu::{Binding, Buffer, Gpu, GpuError, Group, GroupLayout, Texture};
 use chiaro_scene as cs;
 use glam::{Affine3A, Vec3};
+use rayon::prelude::*;
 
-use super::clusters::Heap;
+use super::clusters::{Heap, Meshlets};
 use super::{material, texture};
 use crate::motion::{self, MotionBuilder, SceneMotion, bounds_over_time};
 
@@ -82,8 +83,6 @@ pub struct SceneGpu {
     pub triangle_count: u32,
     /// World-space corners of all geometry at all times, metres; zero-sized without geometry.
     pub bounds_ws: (Vec3, Vec3),
-    /// Whether any material shines by itself.
-    pub glows: bool,
     /// Whether any material is unlit.
     pub unlit: bool,
     /// What shaders may leave out.
@@ -92,7 +91,8 @@ pub struct SceneGpu {
     pub bytes: u64,
 }
 
-/// What a scene's materials use, so that shaders are compiled without the rest. Passes made for more serve less.
+/// What a scene's materials use, so that pipelines and what in them serves nothing are left out. Passes made for more serve
+/// less.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SceneFacts {
     /// Bits of `TEXTURES` in `texture.wesl`.
@@ -101,8 +101,10 @@ pub struct SceneFacts {
     pub size_classes: u32,
     /// Whether any texture keeps its texels.
     pub exact_textures: bool,
-    /// Whether any surface is see-through.
-    pub see_through: bool,
+    /// Classes of surfaces that are drawn, a bit each.
+    pub classes: u32,
+    /// Whether any material shines by itself.
+    pub glows: bool,
 }
 
 impl SceneFacts {
@@ -125,7 +127,8 @@ impl SceneFacts {
             textures: scene.materials.iter().fold(0, |all, m| all | bits(m)),
             size_classes: textures.size_classes,
             exact_textures: textures.exact,
-            see_through: scene.materials.iter().any(material::see_through),
+            classes: drawn_materials(scene).fold(0, |all, m| all | 1 << class(m)),
+            glows: scene.materials.iter().any(material::glows),
         }
     }
 
@@ -136,8 +139,26 @@ impl SceneFacts {
             textures: self.textures | other.textures,
             size_classes: self.size_classes.max(other.size_classes),
             exact_textures: self.exact_textures | other.exact_textures,
-            see_through: self.see_through | other.see_through,
+            classes: self.classes | other.classes,
+            glows: self.glows || other.glows,
         }
+    }
+
+    /// Whether passes made for these serve `other`.
+    pub fn serve(self, other: Self) -> bool {
+        self.union(other) == self
+    }
+
+    /// Whether any surface is see-through.
+    pub fn see_through(self) -> bool {
+        self.draws(SEE_THROUGH) != [false; KINDS]
+    }
+
+    /// Of which kinds there are surfaces among some classes.
+    pub fn draws(self, classes: Range<usize>) -> [bool; KINDS] {
+        std::array::from_fn(|kind| {
+            classes.clone().any(|class| class % KINDS == kind && self.classes & 1 << class != 0)
+        })
     }
 
     /// Constants of every shader that evaluates materials.
@@ -148,6 +169,12 @@ impl SceneFacts {
             ("EXACT_TEXTURES", f64::from(u8::from(self.exact_textures))),
         ]
     }
+}
+
+fn drawn_materials(scene: &cs::Scene) -> impl Iterator<Item = &cs::Material> {
+    let meshes = scene.nodes.iter().filter_map(|node| node.mesh);
+    let primitives = meshes.flat_map(|mesh| &scene.meshes[mesh].primitives);
+    primitives.map(|primitive| &scene.materials[primitive.material])
 }
 
 /// A mesh where a node draws it.
@@ -171,6 +198,7 @@ impl Cut {
     /// Cuts what a scene draws, as it stands in `pose`.
     pub fn new(scene: &cs::Scene, pose: &cs::Pose) -> Self {
         let mut heap = Heap::default();
+        let cuts = cut(scene);
         let mut motion = MotionBuilder::default();
         let mut clusters_of_mesh = vec![None; scene.meshes.len()];
         let moving = scene.moving_nodes();
@@ -181,7 +209,7 @@ impl Cut {
             let instance = instances.len() as u32;
             let bends = scene.deforms(scene_node);
             let clusters = if bends {
-                let clusters = heap.add_bending(scene, pose, node, &mut motion.rest);
+                let clusters = heap.add_bending(scene, (pose, node), &cuts[mesh], &mut motion.rest);
                 motion.add_bending(scene, instance, node, clusters.clone());
                 instances.push(bending_instance_data(world, node as u32));
                 clusters
@@ -192,13 +220,26 @@ impl Cut {
                     motion.add_fixed(instance, node);
                 }
                 instances.push(instance_data(world, node as u32));
-                let cut = || heap.add_mesh(&scene.meshes[mesh], &scene.materials);
-                clusters_of_mesh[mesh].get_or_insert_with(cut).clone()
+                let add = || heap.add_mesh(&scene.meshes[mesh], &cuts[mesh], &scene.materials);
+                clusters_of_mesh[mesh].get_or_insert_with(add).clone()
             };
             drawn.push(Drawn { instance, mesh, clusters, fixed: !bends && !moving[node] });
         }
         Self { heap, motion, instances, drawn }
     }
+}
+
+/// The clusters of all meshes that are drawn, by mesh and primitive.
+fn cut(scene: &cs::Scene) -> Vec<Vec<Meshlets>> {
+    let mut drawn = vec![false; scene.meshes.len()];
+    for mesh in scene.nodes.iter().filter_map(|node| node.mesh) {
+        drawn[mesh] = true;
+    }
+    let meshes = scene.meshes.par_iter().zip(drawn);
+    let mesh = |(mesh, drawn): (&cs::Mesh, bool)| {
+        if drawn { mesh.primitives.par_iter().map(Meshlets::new).collect() } else { Vec::new() }
+    };
+    meshes.map(mesh).collect()
 }
 
 impl SceneGpu {
@@ -284,7 +325,6 @@ impl SceneGpu {
             class_first,
             triangle_count: triangles as u32,
             bounds_ws: bounds(scene, &pose),
-            glows: scene.materials.iter().any(material::glows),
             unlit: scene.materials.iter().any(material::is_unlit),
             facts: SceneFacts::of(scene, texture_facts),
             bytes,

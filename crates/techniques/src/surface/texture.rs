@@ -9,6 +9,7 @@ use chiaro_gpu::wgpu;
 use chiaro_gpu::{Gpu, GpuError, Life, Texture, TextureOptions};
 use chiaro_scene as cs;
 use image::imageops::{FilterType, resize};
+use rayon::prelude::*;
 
 use super::exact::{Run, SMALL};
 
@@ -305,13 +306,13 @@ fn array_of(gpu: &Gpu, scene: &cs::Scene, shares: &Shares, array: usize, side: u
     let options = TextureOptions { mips, ..TextureOptions::new(side, side, format, usage) };
     let layers = shares.layers(array).max(1) as u32;
     let texture = Texture::new(gpu, "material textures", Life::Kept, options.array(layers));
-    let write = |mip: u32, layer: u32, pixels: &[u8]| {
+    let write = |mip: u32, layer: usize, pixels: &[u8]| {
         let side = side >> mip;
         gpu.queue.write_texture(
             wgpu::TexelCopyTextureInfo {
                 texture: texture.raw(),
                 mip_level: mip,
-                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+                origin: wgpu::Origin3d { x: 0, y: 0, z: layer as u32 },
                 aspect: wgpu::TextureAspect::All,
             },
             pixels,
@@ -323,20 +324,28 @@ fn array_of(gpu: &Gpu, scene: &cs::Scene, shares: &Shares, array: usize, side: u
             wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
         );
     };
-    for (layer, &image) in images.iter().enumerate() {
-        let mut pixels = squared(&scene.images[image], side, srgb);
-        for mip in 0..mips {
-            let side = side >> mip;
-            if mip > 0 {
-                pixels = halved(&pixels, side * 2, srgb);
+    // All cores make mips; as many images at once lie in memory.
+    let at_once = rayon::current_num_threads();
+    for (batch, members) in images.chunks(at_once).enumerate() {
+        let pyramid = |&image: &cs::Id| {
+            let first = squared(&scene.images[image], side, srgb);
+            let coarser = |finer: &Vec<u8>| {
+                let side = (finer.len() as u32 / 4).isqrt();
+                (side > 1).then(|| halved(finer, side, srgb))
+            };
+            std::iter::successors(Some(first), coarser).collect::<Vec<_>>()
+        };
+        let pyramids: Vec<_> = members.par_iter().map(pyramid).collect();
+        for (layer, pyramid) in (batch * at_once..).zip(&pyramids) {
+            for (mip, pixels) in (0..).zip(pyramid) {
+                write(mip, layer, pixels);
             }
-            write(mip, layer as u32, &pixels);
         }
     }
     if array % 3 == 0 {
         let texels = shares.runs[array / 3].rgba(scene, srgb, side);
         for (layer, texels) in texels.chunks(4 * (side as usize).pow(2)).enumerate() {
-            write(0, (images.len() + layer) as u32, texels);
+            write(0, images.len() + layer, texels);
         }
     }
     texture
@@ -350,7 +359,7 @@ fn squared(image: &cs::ImageData, side: u32, srgb: bool) -> Vec<u8> {
     let value = |(i, &code): (usize, &u8)| {
         if srgb && i % 4 < 3 { DECODE[code as usize] } else { f32::from(code) / 255.0 }
     };
-    let values = image.rgba.iter().enumerate().map(value).collect();
+    let values = image.rgba.par_iter().enumerate().map(value).collect();
     let source: Option<image::Rgba32FImage> = image::ImageBuffer::from_raw(image.width, image.height, values);
     // The scene guarantees 4 bytes a pixel, so white is never shown.
     let Some(source) = source else { return vec![255; 4 * (side * side) as usize] };
@@ -358,28 +367,27 @@ fn squared(image: &cs::ImageData, side: u32, srgb: bool) -> Vec<u8> {
         let value = value.clamp(0.0, 1.0);
         if srgb && i % 4 < 3 { encode(value) } else { (value * 255.0 + 0.5) as u8 }
     };
-    resize(&source, side, side, FilterType::CatmullRom).iter().enumerate().map(code).collect()
+    resize(&source, side, side, FilterType::CatmullRom).par_iter().enumerate().map(code).collect()
 }
 
 /// The next mip: means of 2×2 texels, of light and not of code values.
 fn halved(pixels: &[u8], side: u32, srgb: bool) -> Vec<u8> {
     let half = (side / 2) as usize;
     let row = 4 * side as usize;
-    let mut out = Vec::with_capacity(4 * half * half);
-    for y in 0..half {
-        for x in 0..half {
-            let at = 2 * y * row + 8 * x;
-            for channel in 0..4 {
-                let texels = [at, at + 4, at + row, at + row + 4].map(|at| pixels[at + channel]);
-                out.push(if srgb && channel < 3 {
-                    let mean = texels.map(|t| DECODE[t as usize]).iter().sum::<f32>() / 4.0;
-                    encode(mean)
-                } else {
-                    ((texels.iter().map(|&t| u32::from(t)).sum::<u32>() + 2) / 4) as u8
-                });
-            }
+    let mut out = vec![0; 4 * half * half];
+    let rows = out.par_chunks_exact_mut(4 * half).zip(pixels.par_chunks_exact(2 * row));
+    rows.with_min_len(16).for_each(|(out, rows)| {
+        for (i, out) in out.iter_mut().enumerate() {
+            let (at, channel) = (8 * (i / 4), i % 4);
+            let texels = [at, at + 4, at + row, at + row + 4].map(|at| rows[at + channel]);
+            *out = if srgb && channel < 3 {
+                let mean = texels.map(|t| DECODE[t as usize]).iter().sum::<f32>() / 4.0;
+                encode(mean)
+            } else {
+                ((texels.iter().map(|&t| u32::from(t)).sum::<u32>() + 2) / 4) as u8
+            };
         }
-    }
+    });
     out
 }
 
@@ -390,8 +398,44 @@ pub(super) static DECODE: std::sync::LazyLock<[f32; 256]> = std::sync::LazyLock:
     })
 });
 
-/// The nearest sRGB code of a linear value.
+/// The nearest sRGB code of a linear value in 0..1.
 pub(super) fn encode(linear: f32) -> u8 {
+    let encoder = &*ENCODE;
+    let mut code = encoder.first[(linear * (STEPS - 1) as f32) as usize];
+    while linear >= encoder.starts[usize::from(code) + 1] {
+        code += 1;
+    }
+    code
+}
+
+/// Steps of linear values, short enough to hold few codes each.
+const STEPS: usize = 1 << 12;
+
+/// The power function by table, which would else be most of the time that mips take.
+struct Encoder {
+    /// The code of the least value of each step.
+    first: Vec<u8>,
+    /// The least value of each code; infinity after the last.
+    starts: [f32; 257],
+}
+
+static ENCODE: std::sync::LazyLock<Encoder> = std::sync::LazyLock::new(|| {
+    let mut starts = [f32::INFINITY; 257];
+    starts[0] = 0.0;
+    for code in 1..=255u8 {
+        // Positive floats are in the order of their bits.
+        let (mut below, mut from) = (0, 1.0f32.to_bits());
+        while from - below > 1 {
+            let middle = u32::midpoint(below, from);
+            if encode_exactly(f32::from_bits(middle)) < code { below = middle } else { from = middle }
+        }
+        starts[usize::from(code)] = f32::from_bits(from);
+    }
+    let first = (0..STEPS).map(|step| encode_exactly(step as f32 / (STEPS - 1) as f32)).collect();
+    Encoder { first, starts }
+});
+
+fn encode_exactly(linear: f32) -> u8 {
     let code = if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
     (code * 255.0 + 0.5) as u8
 }
@@ -469,6 +513,15 @@ mod tests {
         assert!((light(&pixels) / light(&image.rgba) - 1.0).abs() < 0.01, "{}", light(&pixels));
         assert!(pixels.chunks(4).all(|p| p[1..] == [99, 0, 180]));
         assert!(squared(&image, 64, false).chunks(4).all(|p| p[1..] == [99, 0, 180]));
+    }
+
+    #[test]
+    fn the_table_of_codes_is_the_power_function() {
+        let around = |x: f32| [x.next_down().max(0.0), x, x.next_up().min(1.0)];
+        let steps = (0..=1 << 18).map(|i| i as f32 / (1 << 18) as f32);
+        for x in steps.chain(ENCODE.starts[1..256].iter().copied()).flat_map(around) {
+            assert_eq!(encode(x), encode_exactly(x), "{x}");
+        }
     }
 
     #[test]

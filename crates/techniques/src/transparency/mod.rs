@@ -28,14 +28,15 @@ use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, Binding, Buffer, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group,
     GroupLayout, Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
+    parallel,
 };
 
-use crate::direct::{Permutations, lighting_binds};
+use crate::direct::lighting_binds;
 use crate::shaders::{self, Layer};
-use crate::shadow::ShadowOutputs;
-use crate::surface::culling::{DEPTH_COMPARE, DrawLists, draw_classes};
-use crate::surface::scene::{KINDS, SEE_THROUGH};
-use crate::surface::{SceneGpu, cull_mode};
+use crate::shadow::{Lookup, ShadowOutputs};
+use crate::surface::culling::{DEPTH_COMPARE, DrawLists, Kinds, draw_classes, kinds};
+use crate::surface::scene::SEE_THROUGH;
+use crate::surface::{SceneFacts, SceneGpu, cull_mode};
 
 /// Sides of the copied picture are multiples of this, so that all its mips are exact halves.
 const BLOCK: u32 = 64;
@@ -46,12 +47,14 @@ const MIPS: u32 = 7;
 #[derive(Debug)]
 pub struct Transparency {
     // The first layer, and those behind another.
-    peel: [[RenderPipeline; KINDS]; 2],
-    resolve: [ComputePipeline; 2],
-    behind: [ComputePipeline; 2],
-    shade: [ComputePipeline; 2],
+    peel: Vec<Kinds>,
+    resolve: ComputePipeline,
+    // The picture so far with its mips, and further mips.
+    behind: Vec<ComputePipeline>,
+    shade: ComputePipeline,
     sampler: wgpu::Sampler,
-    permutations: Permutations,
+    shadow: Lookup,
+    facts: SceneFacts,
     indexed: bool,
     buffers: Option<Buffers>,
 }
@@ -76,10 +79,10 @@ impl Transparency {
         library: &Library,
         frame_layout: &GroupLayout,
         scene_layout: &GroupLayout,
-        permutations: Permutations,
+        (shadow, facts): (Lookup, SceneFacts),
     ) -> Result<Self, GpuError> {
         let shared = &[frame_layout, scene_layout];
-        let materials = permutations.facts.constants();
+        let materials = facts.constants();
         let indexed = gpu.optional.primitive_index;
         let target = [wgpu::ColorTargetState {
             format: TextureFormat::R32Uint,
@@ -101,18 +104,23 @@ impl Transparency {
             };
             RenderPipeline::new(gpu, library, &shaders::visibility(indexed, masked, layer), shared, &options)
         };
-        let peels = |layer| Ok([peel(layer, 0)?, peel(layer, 1)?, peel(layer, 2)?, peel(layer, 3)?]);
-        let resolve =
-            |glows| ComputePipeline::new(gpu, library, &shaders::resolve(glows, true), shared, &materials);
-        let behind = |whole| ComputePipeline::new(gpu, library, &shaders::behind(whole), &[], &[]);
-        let constants = permutations.constants(gpu);
-        let entry = |glows| shaders::shade_layer(glows, permutations.shadow.float_maps);
-        let shade = |glows| ComputePipeline::new(gpu, library, &entry(glows), shared, &constants);
+        let drawn = facts.draws(SEE_THROUGH);
+        let peels = |after: usize| kinds(drawn, |kind| peel([Layer::First, Layer::Next][after], kind));
+        let resolve = shaders::resolve(facts.glows, true);
+        let resolve = || ComputePipeline::new(gpu, library, &resolve, shared, &materials);
+        let behind = |after| ComputePipeline::new(gpu, library, &shaders::behind(after == 0), &[], &[]);
+        let constants = shadow.constants(gpu);
+        let shade = shaders::shade_layer(facts.glows, shadow.float_maps);
+        let shade = || ComputePipeline::new(gpu, library, &shade, shared, &constants);
+        let ((shade, peel), (resolve, behind)) = parallel::join(
+            || parallel::join(shade, || parallel::each(2, peels)),
+            || parallel::join(resolve, || parallel::each(2, behind)),
+        );
         Ok(Self {
-            peel: [peels(Layer::First)?, peels(Layer::Next)?],
-            resolve: [resolve(false)?, resolve(true)?],
-            behind: [behind(true)?, behind(false)?],
-            shade: [shade(false)?, shade(true)?],
+            peel: peel?,
+            resolve: resolve?,
+            behind: behind?,
+            shade: shade?,
             sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
                 label: Some("behind"),
                 mag_filter: wgpu::FilterMode::Linear,
@@ -120,15 +128,16 @@ impl Transparency {
                 mipmap_filter: wgpu::MipmapFilterMode::Linear,
                 ..Default::default()
             }),
-            permutations,
+            shadow,
+            facts,
             indexed,
             buffers: None,
         })
     }
 
-    /// What the passes were compiled for.
-    pub fn permutations(&self) -> Permutations {
-        self.permutations
+    /// Whether these passes serve other lookups of shadows and other scenes.
+    pub fn serves(&self, shadow: Lookup, facts: SceneFacts) -> bool {
+        self.shadow == shadow && self.facts == facts
     }
 
     /// Makes room for so many layers of a scene at a picture size; for none where nothing is see-through. Not inside a
@@ -141,9 +150,7 @@ impl Transparency {
         let [width, height] = size;
         let same = |b: &Buffers| {
             let o = b.surface.options();
-            [o.width, o.height] == size
-                && b.layers.len() == layers as usize
-                && b.emissive.is_some() == scene.glows
+            [o.width, o.height] == size && b.layers.len() == layers as usize
         };
         if self.buffers.as_ref().is_some_and(same) {
             return;
@@ -165,7 +172,7 @@ impl Transparency {
             layers: (0..layers).map(layer).collect(),
             surface: lend("layer_surface", TextureFormat::Rgba32Uint, storage),
             through: lend("layer_through", TextureFormat::Rgba32Uint, storage),
-            emissive: scene.glows.then(|| lend("layer_emissive", TextureFormat::Rgba16Float, storage)),
+            emissive: self.facts.glows.then(|| lend("layer_emissive", TextureFormat::Rgba16Float, storage)),
             behind: pool.lend(gpu, "behind", Life::Frame, TextureOptions { mips: MIPS, ..copy }),
         });
     }
@@ -188,7 +195,6 @@ impl Transparency {
         for number in 0..buffers.layers.len() {
             self.record_peel(frame, shared, lists, (buffers, number), opaque_depth);
         }
-        let glows = usize::from(buffers.emissive.is_some());
         let options = buffers.surface.options();
         let pixels = Dispatch::Threads([options.width, options.height, 1]);
         for (visibility, depth) in buffers.layers.iter().rev() {
@@ -199,7 +205,7 @@ impl Transparency {
             ];
             binds.extend(buffers.emissive.as_ref().map(|emissive| ("emissive", emissive.into())));
             let resolve = [&binds[..], &[("draw_list", (&lists.list).into())]].concat();
-            frame.compute("transparency/resolve", &self.resolve[glows], shared, &resolve, pixels);
+            frame.compute("transparency/resolve", &self.resolve, shared, &resolve, pixels);
             self.record_behind(frame, radiance, &buffers.behind);
             binds.extend(lighting_binds(shadows, light_grid));
             binds.extend([
@@ -209,7 +215,7 @@ impl Transparency {
                 ("behind_sampler", (&self.sampler).into()),
                 ("radiance", radiance.into()),
             ]);
-            frame.compute("transparency/shade", &self.shade[glows], shared, &binds, pixels);
+            frame.compute("transparency/shade", &self.shade, shared, &binds, pixels);
         }
     }
 

@@ -12,8 +12,9 @@ use chiaro_techniques::shaders;
 use chiaro_techniques::shadow::DrawView;
 use chiaro_techniques::shared::frame::FrameData;
 use chiaro_techniques::surface::SceneGpu;
-use chiaro_techniques::surface::culling::{CullView, Culling, DEPTH_COMPARE, DrawLists, draw_classes};
+use chiaro_techniques::surface::culling::{CullView, Culling, DEPTH_COMPARE, DrawLists, draw_classes, kinds};
 use chiaro_techniques::surface::raster::{ComputeRaster, Draws, RasterView};
+use chiaro_techniques::surface::scene::CLASSES;
 use chiaro_testkit::{Bench, Stage, Studio, camera_above, device, device_guaranteed, direct, nmae};
 use glam::{Affine3A, Mat4, Quat, Vec2, Vec3, Vec4};
 
@@ -66,7 +67,8 @@ impl<'a> Both<'a> {
         let draw_view = DrawView { clip_from_ws, ..bytemuck::Zeroable::zeroed() };
         let matrix = Buffer::with_data(self.gpu, "draw_view", &[draw_view], BufferUsages::UNIFORM);
         let materials = self.scene.facts.constants();
-        let pipelines = [0, 1, 2, 3].map(|class| {
+        let library = shaders::library();
+        let pipeline = |class: usize| {
             let masked = class & 2 != 0;
             let options = RenderPipelineOptions {
                 depth: Some((TextureFormat::Depth32Float, DEPTH_COMPARE)),
@@ -77,8 +79,9 @@ impl<'a> Both<'a> {
             };
             let shared = &[&self.bench.frame_layout, &self.bench.scene_layout];
             let permutation = shaders::shadow_depth(masked);
-            RenderPipeline::new(self.gpu, &shaders::library(), &permutation, shared, &options).unwrap()
-        });
+            RenderPipeline::new(self.gpu, &library, &permutation, shared, &options)
+        };
+        let pipelines = kinds(self.scene.facts.draws(0..CLASSES), pipeline).unwrap();
         let mut recorder = Recorder::new(self.gpu, false);
         let mut frame = recorder.begin();
         let lists = self.lists(&mut frame, &[*view]);

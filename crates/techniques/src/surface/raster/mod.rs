@@ -26,11 +26,14 @@ use std::mem::offset_of;
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
-use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, GroupLayout, Life, Texture};
+use chiaro_gpu::{
+    Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, GroupLayout, Life, Texture, parallel,
+};
 use glam::Mat4;
 
 use crate::shaders;
 use crate::surface::culling::{DrawLists, MAX_VIEWS};
+use crate::surface::scene::{CLASSES, OPAQUE};
 use crate::surface::{SceneFacts, SceneGpu};
 
 /// A view to draw.
@@ -116,9 +119,9 @@ pub enum Draws {
 #[derive(Debug)]
 pub struct ComputeRaster {
     draws: Draws,
-    // Opaque, masked.
-    triangles: [ComputePipeline; 2],
-    tiles: [ComputePipeline; 2],
+    // Opaque, and masked where there are any.
+    triangles: Vec<ComputePipeline>,
+    tiles: Vec<ComputePipeline>,
     resolve: ComputePipeline,
     // For depth; for numbers.
     uniforms: [Buffer; 2],
@@ -156,19 +159,26 @@ impl ComputeRaster {
         let make = |permutation, constants: &[(&'static str, f64)]| {
             ComputePipeline::new(gpu, library, &permutation, &[scene_layout], constants)
         };
-        let triangles = |masked| {
+        let triangles = |kind| {
+            let masked = kind > 0;
             let mut constants = if numbers { Vec::new() } else { culls.to_vec() };
             constants.extend(materials.iter().filter(|_| masked));
             make(shaders::raster_triangles(masked, numbers), &constants)
         };
-        let tiles =
-            |masked| make(shaders::raster_tiles(masked, numbers), if masked { &materials } else { &[] });
+        let tiles = |kind| {
+            let masked = kind > 0;
+            make(shaders::raster_tiles(masked, numbers), if masked { &materials } else { &[] })
+        };
+        let [_, _, masked, masked_both] = facts.draws(if numbers { OPAQUE } else { 0..CLASSES });
+        let kinds = if masked || masked_both { 2 } else { 1 };
+        let (triangles, tiles) =
+            parallel::join(|| parallel::each(kinds, triangles), || parallel::each(kinds, tiles));
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let size = size_of::<RasterData>() as u64;
         Ok(Self {
             draws,
-            triangles: [triangles(false)?, triangles(true)?],
-            tiles: [tiles(false)?, tiles(true)?],
+            triangles: triangles?,
+            tiles: tiles?,
             resolve: make(shaders::raster_resolve(numbers), &[])?,
             uniforms: [(); 2].map(|()| Buffer::new(gpu, "raster", Life::Frame, size, usage)),
             buffers: None,
