@@ -168,7 +168,9 @@ mod tests {
                     let mut corners = polygon.clone();
                     corners.rotate_left(turns);
                     if mirrored {
-                        corners.iter_mut().for_each(|p| p.x = -p.x);
+                        for corner in &mut corners {
+                            corner.x = -corner.x;
+                        }
                     }
                     let sign = if mirrored { -1.0 } else { 1.0 };
                     let areas = areas(&corners);

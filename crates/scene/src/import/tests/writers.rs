@@ -1,5 +1,6 @@
 //! Files as all kinds of programs and systems write them, and what is missing beside them.
 
+use std::fmt::Write;
 use std::path::Path;
 
 use glam::{DVec3, Vec3, Vec4};
@@ -18,7 +19,9 @@ fn load_obj(obj: impl Into<Vec<u8>>, beside: &[(&str, &[u8])]) -> Result<Scene, 
 fn load_as(obj: impl Into<Vec<u8>>, beside: &[(&str, &[u8])], strict: bool) -> Result<Scene, SceneError> {
     let mut files = Memory::default();
     files.insert("t.obj", obj);
-    beside.iter().for_each(|(name, content)| files.insert(name, *content));
+    for (name, content) in beside {
+        files.insert(name, *content);
+    }
     let scene = load_from(&files, Path::new("t.obj"), &LoadOptions { strict, ..LoadOptions::default() })?;
     assert_sound(&scene);
     Ok(scene)
@@ -185,7 +188,8 @@ fn boxes(at: DVec3, size: f64, count: u32, step: f64) -> String {
         for k in 0..8 {
             let corner = DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2));
             let p = at + corner * size + DVec3::X * step * f64::from(i);
-            obj += &format!("v {} {} {}\n", p.x, p.y, p.z);
+            // Writing to a string does not fail.
+            let _ = writeln!(obj, "v {} {} {}", p.x, p.y, p.z);
         }
         obj += "f -8 -6 -5 -7\nf -4 -3 -1 -2\nf -8 -7 -3 -4\nf -6 -2 -1 -5\nf -8 -4 -2 -6\nf -7 -5 -1 -3\n";
     }
@@ -262,7 +266,9 @@ fn textured(texture: &str, image: &str) -> Vec<u8> {
 fn load_glb(glb: Vec<u8>, beside: &[(&str, &[u8])], strict: bool) -> Result<Scene, SceneError> {
     let mut files = Memory::default();
     files.insert("s/t.glb", glb);
-    beside.iter().for_each(|(name, content)| files.insert(name, *content));
+    for (name, content) in beside {
+        files.insert(name, *content);
+    }
     let scene = load_from(&files, Path::new("s/t.glb"), &LoadOptions { strict, ..LoadOptions::default() })?;
     assert_sound(&scene);
     Ok(scene)
