@@ -21,6 +21,7 @@ mod exact;
 pub mod material;
 pub mod scene;
 mod settings;
+mod shares;
 pub mod texture;
 
 pub use scene::{SceneFacts, SceneGpu};
