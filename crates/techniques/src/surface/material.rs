@@ -130,7 +130,8 @@ pub fn pack(material: &cs::Material, slots: &TextureSlots, geometry: &mut Vec<u3
         absorption: absorption(material),
         transmission: transmission(material),
         ior: if material.ior == 0.0 { 1.0 } else { material.ior },
-        thickness: material.thickness,
+        // What has no index of refraction does not bend light either.
+        thickness: if material.ior == 0.0 { 0.0 } else { material.thickness },
         dispersion: material.dispersion,
         alpha_cutoff: alpha_cutoff(material),
         f0_factor: f0_factor(material),

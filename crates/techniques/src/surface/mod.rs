@@ -22,6 +22,7 @@ pub mod material;
 pub mod raster;
 pub mod scene;
 mod settings;
+mod shares;
 pub mod texture;
 
 pub use scene::{SceneFacts, SceneGpu};

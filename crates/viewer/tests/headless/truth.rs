@@ -74,6 +74,19 @@ fn the_truth_is_what_the_reference_makes() {
 }
 
 #[test]
+fn unlit_materials_show_their_colour_on_screen_in_the_picture_and_in_the_truth() {
+    let mut driver = driver(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/headless/unlit.gltf"), 3);
+    for compare in [Compare::Off, Compare::Truth] {
+        let picture = picture(&mut driver, compare, 3);
+        // A tenth from the left, in the middle; the sun on the right is of 1000 lx.
+        let at = 4 * (picture.height / 2 * picture.width + picture.width / 10) as usize;
+        let rgb = &picture.bytes[at..at + 3];
+        // Half of white is sRGB code 187.5, dithered.
+        assert!(rgb.iter().all(|code| (187..=188).contains(code)), "{compare:?}: {rgb:?}");
+    }
+}
+
+#[test]
 fn a_split_picture_is_one_mode_left_and_the_other_right_of_the_divider() {
     let mut driver = driver("builtin:cornell", 3);
     let truth = picture(&mut driver, Compare::Truth, 3);
