@@ -219,6 +219,8 @@ fn nearest(key: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use chiaro_techniques::settings::Kind;
+
     use super::*;
 
     #[test]
@@ -235,6 +237,21 @@ mod tests {
     fn an_unknown_key_names_the_nearest() {
         let message = Settings::default().set("shadow.resolutoin", "1").unwrap_err().to_string();
         assert!(message.contains("shadow.resolution"), "{message}");
+    }
+
+    #[test]
+    fn the_thesis_shadows_have_no_highlights_back_faces_and_the_most_anisotropy() {
+        let mut settings = Settings::default();
+        settings.apply_preset("thesis-shadows", None).unwrap();
+        let is = |key: &str, value: &str| assert_eq!(settings.get(key).as_deref(), Some(value), "{key}");
+        is("surface.lighting", "lambert");
+        is("shadow.bias.cull_front", "true");
+        is("shadow.sigma", "1.79");
+        for key in ["surface.anisotropy", "shadow.anisotropy"] {
+            let field = Settings::fields().into_iter().find(|field| field.key == key).unwrap();
+            let Kind::Whole(_, most) = field.kind else { panic!("{key}") };
+            is(key, &most.to_string());
+        }
     }
 
     #[test]

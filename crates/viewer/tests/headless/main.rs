@@ -40,7 +40,11 @@ impl Random {
                 (value.round() as u32).clamp(*low, high).to_string()
             }
             Kind::Number(low, high) => (low + (high - low) * self.share() as f32).to_string(),
-            Kind::WordOrList(word, _) => [word, "1,2,3", "0.5"][self.below(3) as usize].to_owned(),
+            Kind::WordOrList(word, most) => {
+                let count = self.below(*most as u32 + 1);
+                let ends = (1..=count).map(|i| format!("{}", 3.0 * f64::from(i) + self.share()));
+                if count == 0 { (*word).to_owned() } else { ends.collect::<Vec<_>>().join(",") }
+            }
             Kind::WordOrNumber(word, low, high) => {
                 if self.below(2) == 0 {
                     (*word).to_owned()

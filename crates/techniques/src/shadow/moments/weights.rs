@@ -92,6 +92,14 @@ mod tests {
     }
 
     #[test]
+    fn the_middle_of_pascals_twelfth_row_is_a_gaussian_of_1_79() {
+        let kernel = half_kernel(2, Sigma(Some(1.79)));
+        for (weight, binomial) in kernel.iter().zip([924.0, 792.0, 495.0]) {
+            assert!((weight - binomial / 3498.0).abs() < 2e-4, "{kernel:?}");
+        }
+    }
+
+    #[test]
     fn gaussian_weights_fall_by_sigma() {
         let kernel = half_kernel(6, Sigma(Some(2.0)));
         assert!((kernel[2] / kernel[0] - (-0.5f64).exp()).abs() < 1e-12);

@@ -135,6 +135,23 @@ fn bleed_reduction_cuts_what_is_dark_and_keeps_what_is_lit() {
     }
 }
 
+#[test]
+fn a_least_variance_lights_what_lies_close_behind_a_caster_as_chebyshev_says() {
+    let gpu = device();
+    let depths = Depths::new(16, 1, |_, _, _| 0.3);
+    let behind = [0.0, 0.005, 0.02, 0.1, 0.5];
+    let points = behind.map(|distance| Point::new(Vec2::splat(0.5), 0.3 + distance));
+    for least in [0.0, 2e-5, 0.01] {
+        let settings =
+            ShadowSettings { min_variance: least, ..settings(Representation::Variance, Filter::None) };
+        let found = Rig::new(&gpu, settings, &depths).visibility(&points);
+        for (found, behind) in found.into_iter().zip(behind) {
+            let expected = if behind == 0.0 { 1.0 } else { least / (least + behind * behind) };
+            assert!((found - expected).abs() < 3e-3, "{least}, {behind} behind: {found}, not {expected}");
+        }
+    }
+}
+
 fn points_anywhere(count: usize) -> Vec<Point> {
     let mut random = Random::new(21);
     let mut pair = |scale: f32| Vec2::new(random.within(-scale, scale), random.within(-scale, scale));
