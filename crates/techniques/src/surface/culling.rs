@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
-use chiaro_gpu::wgpu::{BufferUsages, CompareFunction};
+use chiaro_gpu::wgpu::{BufferUsages, CompareFunction, WasmNotSendSync};
 use chiaro_gpu::{
     Buffer, ComputePipeline, Dispatch, Draw, Frame, Gpu, GpuError, GroupLayout, Life, RenderPass,
     RenderPipeline, parallel,
@@ -305,7 +305,7 @@ pub type Kinds = [Option<RenderPipeline>; KINDS];
 /// Those of `make`.
 pub fn kinds(
     drawn: [bool; KINDS],
-    make: impl Fn(usize) -> Result<RenderPipeline, GpuError> + Send + Sync,
+    make: impl Fn(usize) -> Result<RenderPipeline, GpuError> + WasmNotSendSync,
 ) -> Result<Kinds, GpuError> {
     let made = parallel::each(KINDS, |kind| drawn[kind].then(|| make(kind)).transpose())?;
     let mut made = made.into_iter();
