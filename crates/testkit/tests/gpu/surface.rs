@@ -91,7 +91,7 @@ fn a_packed_surface_comes_back_within_its_bits() {
         let (off, apart) = (angle(vector(a, 3), vector(b, 3)), angle(vector(a, 0), vector(a, 3)));
         assert!(off <= b[17], "geometric normal {i} is off by {off}, not {}", b[17]);
         // Low light needs flat surfaces exactly, and coarse globes well.
-        let bound = if apart < 1e-6 { 1.3e-4 } else { 1.2e-3 + 0.06 * apart };
+        let bound = if apart < 1e-6 { 1.4e-4 } else { 1.2e-3 + 0.06 * apart };
         assert!(apart > 0.15 || b[17] <= bound, "geometric normal {i}, {apart} apart, is off by {}", b[17]);
         for channel in 0..3 {
             let at = 6 + channel;
@@ -123,7 +123,7 @@ fn the_f0_of_usual_materials_is_packed_as_exactly_as_it_shows() {
     let cases = [
         (Vec3::splat(0.04), 1e-6),
         (Vec3::ZERO, 0.0),
-        (Vec3::splat(diamond), 0.003 * diamond),
+        (Vec3::splat(diamond), 0.005 * diamond),
         (Vec3::ONE, 0.0),
         (Vec3::new(0.02, 0.04, 0.0), 0.04 * 0.5 / 31.0),
         (Vec3::new(0.0, 0.0, 0.16), 1e-6),
