@@ -72,7 +72,7 @@ const PRESETS: [(&str, &str, &[(&str, &str)]); 4] = [
             ("shadow.representation", "variance"),
             ("shadow.filter", "gaussian-mip"),
             ("shadow.filter_radius", "2"),
-            // The middle five of row 12 of Pascal's triangle, to within 0.0002.
+            // The middle five of row 12 of Pascal's triangle, to within 0.0003.
             ("shadow.sigma", "1.79"),
             ("shadow.anisotropy", "16"),
             ("shadow.min_variance", "0.00002"),
