@@ -235,7 +235,7 @@ fn terrain_is_made_of_a_picture_or_refused_in_one_sentence() {
         assert_fails(&chiaro(&[command, &["--size-m", "5,5"]].concat()), 2, &["--height-map"]);
         assert_fails(&chiaro(&[command, &["--height-map", "absent.png"]].concat()), 1, &["absent.png"]);
     }
-    // The PNGs that chiaro writes are in colour.
+    // The pictures that chiaro writes are in colour.
     assert_fails(&chiaro(&["render", "--height-map", map]), 1, &["heights.png", "in colour", "grey"]);
     assert_fails(
         &chiaro(&["reference", "--height-map", "Cargo.toml", "-o", "no.exr"]),

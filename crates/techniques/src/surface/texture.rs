@@ -3,7 +3,7 @@
 //! WebGPU has neither binding arrays nor more than 16 sampled textures a stage, so pixels share arrays. The three
 //! sides are chosen per scene, from the sizes its images have, so that the fewest texels are added; a large image that is
 //! no square of one of these sides is resampled to it. Sharp images, and small ones that no class fits, keep their texels
-//! ([`super::exact`]). Mips are box-filtered in linear light.
+//! (`exact.rs`). Mips are box-filtered in linear light.
 
 use chiaro_gpu::wgpu;
 use chiaro_gpu::{Gpu, GpuError, Life, Texture, TextureOptions};

@@ -125,11 +125,7 @@ fn the_f0_of_usual_materials_is_packed_as_exactly_as_it_shows() {
         (Vec3::ZERO, 0.0),
         (Vec3::splat(diamond), 0.005 * diamond),
         (Vec3::ONE, 0.0),
-<<<<<<< HEAD
-        (Vec3::new(0.02, 0.04, 0.0), 0.04 * 0.501 / 31.0),
-=======
         (Vec3::new(0.02, 0.04, 0.0), 0.04 * 0.51 / 31.0),
->>>>>>> look
         (Vec3::new(0.0, 0.0, 0.16), 1e-6),
     ];
     let mut input = vec![0.0; FLOATS * cases.len()];

@@ -269,7 +269,7 @@ impl ComputeRaster {
         let data = buffers.data(scene, &[view], anisotropy);
         let names = [&VISIBILITY_NAMES, &NUMBER_NAMES];
         for (phase, (uniform, names)) in (0..).zip(self.uniforms.iter().zip(names)) {
-            frame.upload(uniform, &[RasterData { phase, footprint_scale, ..data }]);
+            frame.upload(uniform, &[RasterData { footprint_scale, phase, ..data }]);
             self.draw(frame, (scene, lists), buffers, (uniform, 1), names);
         }
         let binds = [
