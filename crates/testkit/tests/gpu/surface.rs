@@ -43,7 +43,7 @@ fn half_step_angle(steps: f32) -> f32 {
 
 /// Some number in 0..1 for each index, 0 for every eighth.
 fn random_share(i: usize) -> f32 {
-    (i * 5 % 8) as f32 / 8.0 + if i % 8 == 0 { 0.0 } else { (i * 37 % 128) as f32 / 1024.0 }
+    (i * 5 % 8) as f32 / 8.0 + if i.is_multiple_of(8) { 0.0 } else { (i * 37 % 128) as f32 / 1024.0 }
 }
 
 #[test]
