@@ -28,8 +28,8 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Decoded pixels.
     pub images: Vec<ImageData>,
-    /// Where world space counts from, in the file's own coordinates, metres; zero unless the scene is far from its file's
-    /// origin, see [`Scene::settle`]. Poses, bounds, views and all that is computed from them count from here.
+    /// Where world space counts from, in the scene's coordinates (the file's less [`Scene::origin_m`]), metres; zero unless
+    /// what is seen is far from their origin, see [`Scene::settle`]. Poses, bounds, views and all that is computed from them count from here.
     pub origin: DVec3,
     /// Nodes in topological order: a parent stands before its children.
     pub nodes: Vec<Node>,
