@@ -49,13 +49,7 @@ pub fn height_field(field: &HeightField<'_>) -> Scene {
     stage.scene.meshes[mesh].primitives.extend(sides.primitives);
     stage.place(mesh, Vec3::ZERO, false);
 
-    let sky = ClearSky {
-        towards_sun: vec3(-0.80, 0.50, -0.28).normalize(),
-        turbidity: 3.0,
-        sun_lux: 82_000.0,
-        sky_lux: 13_500.0,
-        ground: vec3(0.16, 0.15, 0.09),
-    };
+    let sky = ClearSky::afternoon();
     stage.sun(sky.towards_sun, vec3(1.0, 0.92, 0.80), sky.sun_lux);
     stage.scene.environment = Some(sky.environment("clear afternoon"));
     let size = width.max(length);

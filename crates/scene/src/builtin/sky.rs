@@ -31,6 +31,17 @@ pub struct ClearSky {
 }
 
 impl ClearSky {
+    /// A clear afternoon over open land.
+    pub fn afternoon() -> Self {
+        Self {
+            towards_sun: Vec3::new(-0.80, 0.50, -0.28).normalize(),
+            turbidity: 3.0,
+            sun_lux: 82_000.0,
+            sky_lux: 13_500.0,
+            ground: Vec3::new(0.16, 0.15, 0.09),
+        }
+    }
+
     /// The sky and the sunlit ground as seen from the middle.
     pub fn environment(&self, name: &str) -> Environment {
         let mut out = paint(name, |d| if d.y > 0.0 { self.radiance(d) } else { Vec3::ZERO });

@@ -58,13 +58,7 @@ pub fn build() -> Scene {
     stage.place_turned(knot, PLACE + Vec3::Y * PLINTH_M, 24.0, 1.0);
     boulders(&mut stage, &land, rock);
 
-    let sky = ClearSky {
-        towards_sun: vec3(-0.80, 0.50, -0.28).normalize(),
-        turbidity: 3.0,
-        sun_lux: 82_000.0,
-        sky_lux: 13_500.0,
-        ground: vec3(0.16, 0.15, 0.09),
-    };
+    let sky = ClearSky::afternoon();
     stage.sun(sky.towards_sun, vec3(1.0, 0.92, 0.80), sky.sun_lux);
     stage.scene.environment = Some(sky.environment("clear afternoon"));
 
