@@ -99,9 +99,7 @@ fn picture(gpu: &Gpu, [width, height]: [u32; 2]) -> Result<chiaro_image::Picture
         shadow: settings.parameters(),
         ..Zeroable::zeroed()
     };
-    frame.upload(&group.frame, &[data]);
-    frame.upload(&group.lights, &lights);
-    frame.upload(&group.shadow_views, &views.iter().map(|view| view.data).collect::<Vec<_>>());
+    group.upload(&mut frame, &data, &lights, &views.iter().map(|view| view.data).collect::<Vec<_>>());
     for layer in 0..views.len() as u32 {
         let map = DepthAttachment { texture: &shadows.maps, layer, clear: Some(0.0) };
         let binds = [("caster", Binding::BufferRange(&casters, 256 * u64::from(layer), 256))];

@@ -242,9 +242,15 @@ impl Frame<'_> {
 
     /// Copies `data` to the start of a buffer before the passes that follow.
     pub fn upload<T: bytemuck::NoUninit>(&mut self, buffer: &Buffer, data: &[T]) {
+        self.upload_at(buffer, 0, data);
+    }
+
+    /// The same from a byte offset on.
+    pub fn upload_at<T: bytemuck::NoUninit>(&mut self, buffer: &Buffer, offset: u64, data: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let Some(size) = std::num::NonZeroU64::new(bytes.len() as u64) else { return };
-        self.recorder.belt.write_buffer(&mut self.encoder, buffer.raw(), 0, size).copy_from_slice(bytes);
+        let belt = &mut self.recorder.belt;
+        belt.write_buffer(&mut self.encoder, buffer.raw(), offset, size).copy_from_slice(bytes);
         self.recorder.written.insert(buffer.id());
     }
 

@@ -76,7 +76,7 @@ fn deferred(
     passes.motion.record(frame, scene);
     let lists = passes.surfaces.cull(frame, scene, &inputs.camera.cull);
     let depth = passes.surfaces.record_visibility(frame, group, scene, &lists, &inputs.camera);
-    let views = &passes.frame_group.shadow_views;
+    let views = &passes.frame_group.lighting;
     let shadows =
         passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, Some(&depth), settings);
     let surface = passes.surfaces.record_resolve(frame, group, scene, &lists);
@@ -105,7 +105,7 @@ fn forward(
     let needs_depth = inputs.wants_surface || blends || !inputs.shadow_views.fitted.is_empty();
     let depth =
         needs_depth.then(|| passes.surfaces.record_visibility(frame, group, scene, &lists, &inputs.camera));
-    let views = &passes.frame_group.shadow_views;
+    let views = &passes.frame_group.lighting;
     let shadows =
         passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, depth.as_ref(), settings);
     let surface = inputs.wants_surface.then(|| passes.surfaces.record_resolve(frame, group, scene, &lists));

@@ -58,16 +58,12 @@ impl Kit {
     }
 
     pub(crate) fn frame_group(&self) -> Result<FrameGroup, Error> {
-        self.frame_group_of(&self.frame_layout)
-    }
-
-    pub(crate) fn frame_group_of(&self, layout: &GroupLayout) -> Result<FrameGroup, Error> {
         let table = albedo_table::texture(&self.gpu);
         let mut recorder = Recorder::new(&self.gpu, false);
         let mut frame = recorder.begin();
         albedo_table::record(&mut frame, &self.library, &table)?;
         frame.submit();
-        Ok(FrameGroup::new(&self.gpu, layout, &table))
+        Ok(FrameGroup::new(&self.gpu, &self.frame_layout, &table))
     }
 
     fn motion(&self) -> Result<Motion, Error> {

@@ -300,8 +300,7 @@ impl Renderer {
         let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
         let sky = map.is_none().then_some(wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 });
         let environment = map.map(|map| &map.texture);
-        let views = shadow_views.views.len();
-        self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), views, environment);
+        self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), environment);
         self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
         let (shadow, anisotropy) = (&settings.shadow, settings.surface.anisotropy);
         self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, shadow, anisotropy);
@@ -325,10 +324,8 @@ impl Renderer {
     pub fn frame(&mut self, frame: &mut Frame<'_>, scene: &LoadedScene, wants_surface: bool) -> FrameOutputs {
         let Some(prepared) = &self.prepared else { panic!("a frame must be prepared before it is recorded") };
         let group = &self.passes.frame_group;
-        frame.upload(&group.frame, &[prepared.data]);
-        frame.upload(&group.lights, &prepared.lights);
         let views: Vec<_> = prepared.shadow_views.views.iter().map(|view| view.data).collect();
-        frame.upload(&group.shadow_views, &views);
+        group.upload(frame, &prepared.data, &prepared.lights, &views);
         let inputs = FrameInputs {
             scene,
             camera: prepared.camera,

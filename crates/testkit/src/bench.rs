@@ -39,18 +39,7 @@ impl Bench {
     /// # Panics
     /// When the table's shader does not compile.
     pub fn new(gpu: &Gpu) -> Self {
-        Self::with(gpu, FrameGroup::layout(gpu))
-    }
-
-    /// The same without shadow views, for shaders that trace rays and need the storage buffer.
-    ///
-    /// # Panics
-    /// As [`Bench::new`].
-    pub fn without_shadows(gpu: &Gpu) -> Self {
-        Self::with(gpu, FrameGroup::layout_without_shadows(gpu))
-    }
-
-    fn with(gpu: &Gpu, frame_layout: GroupLayout) -> Self {
+        let frame_layout = FrameGroup::layout(gpu);
         let table = albedo_table::texture(gpu);
         let mut recorder = Recorder::new(gpu, false);
         let mut frame = recorder.begin();

@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 use chiaro_gpu::Gpu;
-use chiaro_techniques::shared::frame::{FrameData, FrameGroup, LightData};
+use chiaro_techniques::shared::frame::{FIRST_LIGHT_BYTES, FrameData, FrameGroup, LightData};
 use glam::Vec2;
 
 use crate::{LoadedScene, Settings, View};
@@ -18,7 +18,7 @@ pub(super) fn write_frame(
     let lights: Vec<_> =
         loaded.lights.iter().map(|l| LightData { first_view: LightData::NO_VIEW, ..*l }).collect();
     gpu.queue.write_buffer(group.frame.raw(), 0, bytemuck::bytes_of(&data));
-    gpu.queue.write_buffer(group.lights.raw(), 0, bytemuck::cast_slice(&lights));
+    gpu.queue.write_buffer(group.lighting.raw(), FIRST_LIGHT_BYTES, bytemuck::cast_slice(&lights));
 }
 
 fn frame_data(loaded: &LoadedScene, settings: &Settings, view: &View, size_px: [u32; 2]) -> FrameData {

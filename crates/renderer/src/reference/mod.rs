@@ -118,8 +118,7 @@ impl Reference {
             Integrator::Photon => true,
             Integrator::Full => specular_ws.is_some(),
         };
-        let frame_layout = FrameGroup::layout_without_shadows(gpu);
-        let layouts = (&frame_layout, &kit.scene_layout);
+        let layouts = (&kit.frame_layout, &kit.scene_layout);
         let tracer = PathTracer::new(gpu, &kit.library, layouts, facts, needed)?;
         let photons = needed.then(|| -> Result<_, Error> {
             let tracer = PhotonTracer::new(gpu, &kit.library, layouts, facts)?;
@@ -127,7 +126,7 @@ impl Reference {
         });
         Ok(Self {
             kit: kit.clone(),
-            frame_group: kit.frame_group_of(&frame_layout)?,
+            frame_group: kit.frame_group()?,
             traced,
             tracer,
             noise: PathNoise::new(gpu, &kit.library)?,
@@ -168,7 +167,7 @@ impl Reference {
             photons.lanes_done = 0;
         }
         let environment = loaded.environment.as_ref().map(|map| &map.texture);
-        self.frame_group.reserve(gpu, loaded.lights.len(), 0, environment);
+        self.frame_group.reserve(gpu, loaded.lights.len(), environment);
         write_frame(gpu, &self.frame_group, (loaded, settings), (view, size_px));
         if same_size {
             self.sum.resume(0);
@@ -208,10 +207,9 @@ impl Reference {
     /// # Errors
     /// When the shader does not compile.
     pub fn observe(&mut self, facts: SceneFacts, wanted: &[FirstHit]) -> Result<(), Error> {
-        let Kit { gpu, library, scene_layout, .. } = &self.kit;
-        let frame_layout = FrameGroup::layout_without_shadows(gpu);
+        let Kit { gpu, library, frame_layout, scene_layout } = &self.kit;
         let facts = (facts, self.traced.facts);
-        self.observer = Some(FirstHitTracer::new(gpu, library, (&frame_layout, scene_layout), facts)?);
+        self.observer = Some(FirstHitTracer::new(gpu, library, (frame_layout, scene_layout), facts)?);
         let size_px = self.sum.size_px();
         self.observed = wanted.iter().map(|&what| FirstHitSum::new(gpu, size_px, what)).collect();
         Ok(())

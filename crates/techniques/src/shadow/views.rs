@@ -6,13 +6,13 @@ use super::casters::Shadowed;
 use super::moments::Moments;
 use super::project::{corners, light_axes, reversed_perspective};
 use super::{Casters, Filter, Layout, PointLayout, ShadowSettings, cascades, single};
-use crate::shared::frame::{LightData, ShadowViewData};
+use crate::shared::frame::{LightData, MAX_SHADOW_VIEWS, ShadowViewData};
 use crate::surface::culling::Hole;
 
 /// A perspective map covers at most this angle from side to side; wider cones take a point light's layout.
 const MAX_SPOT_ANGLE_RAD: f32 = 160.0 * std::f32::consts::PI / 180.0;
 /// A WebGPU texture array has at most so many layers.
-const MAX_VIEWS: usize = 256;
+const MAX_VIEWS: usize = MAX_SHADOW_VIEWS;
 /// A local light's near plane as a share of the scene's extent. Reversed float depth keeps its precision whatever it is.
 const NEAR_SHARE: f32 = 1e-4;
 /// Penumbras of pcss reach at most so far, as a share of the map.

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{self, BindingType, BufferBindingType, ShaderStages};
-use chiaro_gpu::{Binding, Buffer, Gpu, Group, GroupLayout, Life, Texture};
+use chiaro_gpu::{Buffer, Frame, Gpu, Group, GroupLayout, Life, Texture};
 
 use crate::environment;
 
@@ -145,36 +145,30 @@ impl ShadowViewData {
     pub const PARABOLOID: u32 = 2;
 }
 
+/// Shadow views of a frame at most, as a WebGPU texture array has layers.
+pub const MAX_SHADOW_VIEWS: usize = 256;
+/// Where the lights begin in [`FrameGroup::lighting`].
+pub const FIRST_LIGHT_BYTES: u64 = (MAX_SHADOW_VIEWS * size_of::<ShadowViewData>()) as u64;
+
 /// Group 0's buffers. Light and shadow view buffers grow, and never shrink.
 #[derive(Debug)]
 pub struct FrameGroup {
     layout: GroupLayout,
     /// [`FrameData`].
     pub frame: Buffer,
-    /// [`LightData`], directional ones first.
-    pub lights: Buffer,
-    /// [`ShadowViewData`].
-    pub shadow_views: Buffer,
+    /// [`MAX_SHADOW_VIEWS`] [`ShadowViewData`], then [`LightData`], directional ones first.
+    pub lighting: Buffer,
     albedo_table: Texture,
     environment: Texture,
     no_environment: Texture,
     sampler: wgpu::Sampler,
-    capacity: [usize; 2],
+    capacity: usize,
     group: Group,
 }
 
 impl FrameGroup {
     /// The layout that pipelines are made against.
     pub fn layout(gpu: &Gpu) -> GroupLayout {
-        Self::layout_of(gpu, true)
-    }
-
-    /// The same without shadow views, for passes that trace rays and need the storage buffer: WebGPU guarantees eight.
-    pub fn layout_without_shadows(gpu: &Gpu) -> GroupLayout {
-        Self::layout_of(gpu, false)
-    }
-
-    fn layout_of(gpu: &Gpu, shadows: bool) -> GroupLayout {
         let all = ShaderStages::VERTEX_FRAGMENT | ShaderStages::COMPUTE;
         let shading = ShaderStages::FRAGMENT | ShaderStages::COMPUTE;
         let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
@@ -191,29 +185,26 @@ impl FrameGroup {
         };
         let entries = [
             ("frame", all, buffer(BufferBindingType::Uniform)),
-            ("lights", shading, storage),
+            ("lighting", shading, storage),
             ("albedo_table", shading, table),
             ("environment", shading, cube),
             ("environment_sampler", shading, BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
-            ("shadow_views", shading, storage),
         ];
-        GroupLayout::new(gpu, 0, if shadows { &entries } else { &entries[..5] })
+        GroupLayout::new(gpu, 0, &entries)
     }
 
     /// Makes the group with room for a few lights.
     pub fn new(gpu: &Gpu, layout: &GroupLayout, albedo_table: &Texture) -> Self {
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let frame = Buffer::new(gpu, "frame", Life::Kept, size_of::<FrameData>() as u64, usage);
-        let capacity = [16, 16];
-        let (lights, shadow_views) = buffers(gpu, capacity);
+        let capacity = 16;
+        let lighting = lighting_buffer(gpu, capacity);
         let (environment, sampler) = (environment::none(gpu), environment::sampler(gpu));
-        let handles = (&frame, &lights, &shadow_views, albedo_table, &environment, &sampler);
-        let group = fill(gpu, layout, handles);
+        let group = fill(gpu, layout, (&frame, &lighting, albedo_table, &environment, &sampler));
         Self {
             layout: layout.clone(),
             frame,
-            lights,
-            shadow_views,
+            lighting,
             albedo_table: albedo_table.clone(),
             no_environment: environment.clone(),
             environment,
@@ -223,31 +214,33 @@ impl FrameGroup {
         }
     }
 
-    /// Makes room for so many lights and shadow views, and takes the scene's environment. To be called when the scene
-    /// or settings change.
-    pub fn reserve(&mut self, gpu: &Gpu, lights: usize, views: usize, environment: Option<&Texture>) {
+    /// Makes room for so many lights, and takes the scene's environment. To be called when the scene or settings change.
+    pub fn reserve(&mut self, gpu: &Gpu, lights: usize, environment: Option<&Texture>) {
         let environment = environment.unwrap_or(&self.no_environment);
-        let fits = lights <= self.capacity[0] && views <= self.capacity[1];
+        let fits = lights <= self.capacity;
         if fits && self.environment == *environment {
             return;
         }
         self.environment = environment.clone();
         if !fits {
-            self.capacity = [
-                lights.max(self.capacity[0]).next_power_of_two(),
-                views.max(self.capacity[1]).next_power_of_two(),
-            ];
-            (self.lights, self.shadow_views) = buffers(gpu, self.capacity);
+            self.capacity = lights.next_power_of_two();
+            self.lighting = lighting_buffer(gpu, self.capacity);
         }
-        let handles = (
-            &self.frame,
-            &self.lights,
-            &self.shadow_views,
-            &self.albedo_table,
-            &self.environment,
-            &self.sampler,
-        );
+        let handles = (&self.frame, &self.lighting, &self.albedo_table, &self.environment, &self.sampler);
         self.group = fill(gpu, &self.layout, handles);
+    }
+
+    /// Fills the group for the passes that follow; see [`FrameGroup::reserve`].
+    pub fn upload(
+        &self,
+        frame: &mut Frame<'_>,
+        data: &FrameData,
+        lights: &[LightData],
+        views: &[ShadowViewData],
+    ) {
+        frame.upload(&self.frame, std::slice::from_ref(data));
+        frame.upload_at(&self.lighting, 0, views);
+        frame.upload_at(&self.lighting, FIRST_LIGHT_BYTES, lights);
     }
 
     /// The filled group.
@@ -256,22 +249,19 @@ impl FrameGroup {
     }
 }
 
-fn buffers(gpu: &Gpu, [lights, views]: [usize; 2]) -> (Buffer, Buffer) {
+fn lighting_buffer(gpu: &Gpu, lights: usize) -> Buffer {
     let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-    let bytes = |count: usize, each: usize| (count * each) as u64;
-    (
-        Buffer::new(gpu, "lights", Life::Kept, bytes(lights, size_of::<LightData>()), usage),
-        Buffer::new(gpu, "shadow_views", Life::Kept, bytes(views, size_of::<ShadowViewData>()), usage),
-    )
+    let bytes = FIRST_LIGHT_BYTES + (lights * size_of::<LightData>()) as u64;
+    Buffer::new(gpu, "lighting", Life::Kept, bytes, usage)
 }
 
 fn fill(
     gpu: &Gpu,
     layout: &GroupLayout,
-    handles: (&Buffer, &Buffer, &Buffer, &Texture, &Texture, &wgpu::Sampler),
+    (frame, lighting, table, environment, sampler): (&Buffer, &Buffer, &Texture, &Texture, &wgpu::Sampler),
 ) -> Group {
-    let (frame, lights, views, table, environment, sampler) = handles;
-    let bindings: [Binding<'_>; 6] =
-        [frame.into(), lights.into(), table.into(), environment.into(), sampler.into(), views.into()];
-    layout.group(gpu, &bindings[..layout.binding_count()])
+    layout.group(
+        gpu,
+        &[frame.into(), lighting.into(), table.into(), environment.into(), sampler.into()],
+    )
 }

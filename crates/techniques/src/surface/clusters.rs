@@ -143,6 +143,20 @@ enum Place<'a> {
 }
 
 impl Heap {
+    /// Puts words before all that is there.
+    pub fn begin_with(&mut self, words: &[u32]) {
+        self.words.splice(..0, words.iter().copied());
+        let by = words.len() as u32;
+        for cluster in &mut self.clusters {
+            cluster.positions += by;
+            cluster.attributes += by;
+            cluster.triangles += by;
+            if cluster.extras != NO_EXTRAS {
+                cluster.extras += by;
+            }
+        }
+    }
+
     /// Takes a mesh whose primitives have been cut.
     pub fn add_mesh(
         &mut self,

@@ -261,7 +261,6 @@ impl SceneGpu {
             ("geometry", all, storage),
             ("clusters", all, storage),
             ("instances", all, storage),
-            ("items", all, storage),
             ("materials", all, storage),
             ("color_small", shading, array),
             ("color_medium", shading, array),
@@ -294,24 +293,25 @@ impl SceneGpu {
         items.sort_by_key(|(class, _)| *class);
         let class_first = std::array::from_fn(|class| items.partition_point(|(c, _)| *c < class) as u32);
         let items: Vec<_> = items.into_iter().map(|(_, item)| item).collect();
-        check(gpu, &items, triangles, (4 * heap.words.len() as u64).max(motion.largest_buffer()))?;
+        let heap_bytes = 4 * heap.words.len() as u64 + size_of_val(&items[..]) as u64;
+        check(gpu, &items, triangles, heap_bytes.max(motion.largest_buffer()))?;
 
         let (arrays, slots, texture_facts) = texture::upload(gpu, scene)?;
+        heap.begin_with(bytemuck::cast_slice(&items));
         let materials: Vec<_> =
             scene.materials.iter().map(|m| material::pack(m, &slots, &mut heap.words)).collect();
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let geometry = Buffer::with_data(gpu, "geometry", &heap.words, usage);
         let clusters = Buffer::with_data(gpu, "clusters", &heap.clusters, usage);
         let instances = Buffer::with_data(gpu, "instances", &instances, usage);
-        let item_buffer = Buffer::with_data(gpu, "items", &items, usage);
         let materials = Buffer::with_data(gpu, "materials", &materials, usage);
         let sampler = sampler(gpu);
         let mut bindings: Vec<Binding<'_>> =
-            [&geometry, &clusters, &instances, &item_buffer, &materials].map(Binding::from).to_vec();
+            [&geometry, &clusters, &instances, &materials].map(Binding::from).to_vec();
         bindings.extend(arrays.iter().map(Binding::from));
         bindings.push((&sampler).into());
         let group = layout.group(gpu, &bindings);
-        let buffers = [&geometry, &clusters, &instances, &item_buffer, &materials];
+        let buffers = [&geometry, &clusters, &instances, &materials];
         let motion = motion.finish(gpu, scene);
         let bytes = buffers.iter().map(|b| b.raw().size()).sum::<u64>()
             + arrays.iter().map(Texture::bytes).sum::<u64>()

@@ -152,8 +152,8 @@ impl Rig {
         as_depth: bool,
     ) -> Self {
         let mut bench = Bench::new(gpu);
-        bench.frame.reserve(gpu, 1, views.len(), None);
-        gpu.queue.write_buffer(bench.frame.shadow_views.raw(), 0, bytemuck::cast_slice(views));
+        bench.frame.reserve(gpu, 1, None);
+        gpu.queue.write_buffer(bench.frame.lighting.raw(), 0, bytemuck::cast_slice(views));
         let library = shaders::library();
         let moments = Moments::new(gpu, &library, &bench.frame_layout, &settings, !as_depth).unwrap();
         let maps = depths.upload(gpu, as_depth);
