@@ -42,6 +42,7 @@ pub struct Measured {
 pub fn measure(session: &mut Session, frames: u32, tick: impl Fn()) -> anyhow::Result<Measured> {
     let mut recorder = Recorder::new(&session.gpu, true);
     let gpu = session.gpu.clone();
+    let mut state = chiaro::ViewState::new(&session.renderer);
     let mut timings = Vec::new();
     let mut steady = None;
     let mut start = std::time::Instant::now();
@@ -56,9 +57,10 @@ pub fn measure(session: &mut Session, frames: u32, tick: impl Fn()) -> anyhow::R
             session.go_to(f64::from(index) / 60.0)?;
         }
         let Session { renderer, scene, view, size, .. } = &mut *session;
-        renderer.prepare(scene, view, *size, chiaro::Jitter::new(1).offset_px(index), 1.0);
+        let sampling = (chiaro::Jitter::new(1).offset_px(index), 1.0);
+        let prepared = renderer.prepare(&mut state, scene, view, *size, sampling)?;
         let mut frame = recorder.begin();
-        renderer.frame(&mut frame, scene, false);
+        prepared.record(&mut frame, false);
         frame.submit();
         // One frame in flight: the timings then belong to frames that ran alone, and nothing piles up.
         recorder.wait()?;

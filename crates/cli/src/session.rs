@@ -68,7 +68,7 @@ impl Session<Tracing> {
             Scene::add_default_view_to_trace,
             |gpu, settings, scene| {
                 let kit = Kit::new(gpu, chiaro::techniques::shaders::library());
-                let loaded = kit.upload(scene)?;
+                let loaded = LoadedScene::upload(&kit, scene)?;
                 Ok((Tracing { kit, settings }, loaded))
             },
         )

@@ -11,7 +11,7 @@ use wgpu_profiler::GpuProfiler;
 use crate::pipeline::{FIRST_OWN_GROUP, Interface};
 use crate::profile::{FrameTimings, profiler};
 use crate::render_pass::{RenderPass, Targets};
-use crate::resource::{Binding, Group, Life};
+use crate::resource::{Binding, Group, Life, next_id};
 use crate::{Buffer, ComputePipeline, Gpu, GpuError};
 
 /// A handle for the WESL global of that name.
@@ -91,7 +91,7 @@ impl Recorder {
         self.log.clear();
         self.written.clear();
         self.groups.retain(|_, group| group.alive.iter().all(|handle| handle.strong_count() > 0));
-        Frame { recorder: self, encoder }
+        Frame { recorder: self, encoder, id: next_id() }
     }
 
     /// To be called once the frame's commands were submitted.
@@ -232,9 +232,15 @@ fn find<'a>(interface: &Interface, binds: &[Bind<'a>], name: &str) -> Binding<'a
 pub struct Frame<'r> {
     recorder: &'r mut Recorder,
     encoder: wgpu::CommandEncoder,
+    id: u64,
 }
 
 impl Frame<'_> {
+    /// A number that no other frame has.
+    pub fn id(&self) -> u64 {
+        self.id
+    }
+
     /// The device this frame runs on.
     pub fn gpu(&self) -> &Gpu {
         &self.recorder.gpu

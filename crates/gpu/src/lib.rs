@@ -13,20 +13,24 @@
 mod device;
 mod error;
 mod frame;
+mod history;
 pub mod parallel;
 mod pipeline;
 mod profile;
 mod readback;
 mod render_pass;
 mod resource;
+mod room;
 pub mod shader;
 
 pub use device::{AdapterChoice, Created, Gpu, GpuOptions, LimitChoice, OptionalFeatures};
 pub use error::GpuError;
 pub use frame::{Bind, Dispatch, Frame, PassLog, Recorder};
+pub use history::History;
 pub use pipeline::{ComputePipeline, RenderPipeline, RenderPipelineOptions};
 pub use profile::{FrameTimings, PassTiming};
 pub use readback::{BufferReadback, Pixels, Readback};
 pub use render_pass::{Attachment, DepthAttachment, Draw, RenderPass, Targets};
 pub use resource::{Binding, Buffer, Group, GroupLayout, Life, Texture, TextureOptions, TexturePool};
+pub use room::keep;
 pub use wgpu;

@@ -45,6 +45,14 @@ pub enum Error {
     /// Settings that do not go together, or that this adapter cannot do.
     #[error("{0}")]
     Combination(String),
+    /// A picture of no or too many pixels.
+    #[error("a picture cannot have {}×{} pixels: it takes 1 to {most} a side", size[0], size[1])]
+    Size {
+        /// Pixels asked for.
+        size: [u32; 2],
+        /// Pixels of a side at most.
+        most: u32,
+    },
     /// Sums that a reference cannot go on from.
     #[error("the unfinished reference does not fit: {0}")]
     Unfinished(String),

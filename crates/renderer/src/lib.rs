@@ -17,11 +17,12 @@
 //!
 //! A program with a wgpu device of its own hands it in with [`Gpu::from_device`] (after asking
 //! [`Gpu::required_features`] and [`Gpu::required_limits`]), builds a [`View`] from its camera, and records
-//! [`Renderer::frame`] into its own encoder through [`Recorder::begin_in`].
+//! [`Renderer::prepare`]d frames into its own encoder through [`Recorder::begin_in`].
 
 pub mod environment;
 mod error;
 mod loaded;
+mod passes;
 mod pipelines;
 mod plan;
 mod reference;
@@ -29,6 +30,7 @@ mod renderer;
 mod settings;
 mod still;
 mod view;
+mod view_state;
 
 pub use chiaro_gpu::{
     AdapterChoice, BufferReadback, Frame, FrameTimings, Gpu, GpuError, GpuOptions, LimitChoice,
@@ -37,14 +39,16 @@ pub use chiaro_gpu::{
 };
 pub use chiaro_scene as scene;
 pub use chiaro_techniques as techniques;
+pub use chiaro_techniques::Kit;
 pub use chiaro_techniques::post::Aov;
 pub use chiaro_techniques::settings::{Effect, Field, Kind};
 pub use error::Error;
 pub use loaded::LoadedScene;
 pub use pipelines::FrameOutputs;
-pub use plan::{Built, Kit, Plan};
+pub use plan::{Built, Plan};
 pub use reference::{FirstHit, Integrator, Reference, ReferenceOptions};
-pub use renderer::Renderer;
+pub use renderer::{Prepared, Renderer};
 pub use settings::{Pipeline, Settings};
 pub use still::{Jitter, Still, StillOptions};
 pub use view::{Lookout, View};
+pub use view_state::ViewState;

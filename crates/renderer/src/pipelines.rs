@@ -1,11 +1,18 @@
 //! The frame functions: one straight line each.
 
 use chiaro_gpu::{Buffer, Frame, Texture, wgpu};
-use chiaro_techniques::shadow::{ShadowOutputs, ShadowSettings, ShadowViews};
-use chiaro_techniques::shared::frame::FrameData;
-use chiaro_techniques::surface::{SurfaceBuffer, SurfaceView};
+use chiaro_techniques::direct::LightRoom;
+use chiaro_techniques::shadow::{
+    ShadowInputs, ShadowOutputs, ShadowPlan, ShadowRoom, ShadowSettings, ShadowViews,
+};
+use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
+use chiaro_techniques::surface::culling::{DrawLists, ListRoom};
+use chiaro_techniques::surface::view::ViewTable;
+use chiaro_techniques::surface::{SurfaceBuffer, SurfaceRoom};
+use chiaro_techniques::transparency::LayerRoom;
 
-use crate::renderer::Passes;
+use crate::passes::Passes;
+use crate::view_state::Rooms;
 use crate::{LoadedScene, Pipeline, Settings};
 
 /// What a frame leaves behind, valid until the next.
@@ -27,8 +34,9 @@ pub struct FrameOutputs {
 /// What a frame function needs to know.
 pub(crate) struct FrameInputs<'a> {
     pub scene: &'a LoadedScene,
-    pub camera: SurfaceView,
+    pub group: &'a FrameGroup,
     pub shadow_views: &'a ShadowViews,
+    pub shadow_plan: &'a ShadowPlan,
     /// Stored units; `None` = the environment.
     pub sky: Option<wgpu::Color>,
     pub wants_surface: bool,
@@ -36,56 +44,76 @@ pub(crate) struct FrameInputs<'a> {
     pub data: [FrameData; 2],
 }
 
+/// The camera's number in the table of views; shadow views follow.
+const CAMERA: u32 = 0;
+
 /// Records what `shade` does to one target under the frame's light, and to another for the colour of unlit materials.
 fn shade_both(
-    passes: &Passes,
     frame: &mut Frame<'_>,
-    [light, dark]: &[FrameData; 2],
+    inputs: &FrameInputs<'_>,
+    room: &LightRoom,
     mut shade: impl FnMut(&mut Frame<'_>, &Texture, bool),
 ) -> (Texture, Option<Texture>) {
-    let (radiance, unlit) = (passes.direct.radiance(), passes.direct.unlit());
-    shade(frame, radiance, false);
-    if let Some(unlit) = unlit {
-        frame.upload(&passes.frame_group.frame, &[*dark]);
+    let [light, dark] = &inputs.data;
+    shade(frame, &room.radiance, false);
+    if let Some(unlit) = &room.unlit {
+        frame.upload(&inputs.group.frame, &[*dark]);
         shade(frame, unlit, true);
-        frame.upload(&passes.frame_group.frame, &[*light]);
+        frame.upload(&inputs.group.frame, &[*light]);
     }
-    (radiance.clone(), unlit.cloned())
+    (room.radiance.clone(), room.unlit.clone())
 }
 
 pub(crate) fn record(
     settings: &Settings,
-    passes: &mut Passes,
+    passes: &Passes,
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
+    rooms: &mut Rooms,
 ) -> FrameOutputs {
+    let Rooms { views, lists, surface, shadow, light, layers } = rooms;
+    let (Some(lists), Some(surface), Some(shadow), Some(light)) = (lists, surface, shadow, light) else {
+        unreachable!("what is prepared has room")
+    };
+    let rooms = FrameRooms { views, lists, surface, light, layers: layers.as_ref() };
     match settings.pipeline {
-        Pipeline::Deferred => deferred(&settings.shadow, passes, frame, inputs),
-        Pipeline::Forward => forward(&settings.shadow, passes, frame, inputs),
+        Pipeline::Deferred => deferred(&settings.shadow, passes, frame, inputs, (&rooms, shadow)),
+        Pipeline::Forward => forward(&settings.shadow, passes, frame, inputs, (&rooms, shadow)),
     }
+}
+
+/// All the room that a frame has.
+struct FrameRooms<'a> {
+    views: &'a ViewTable,
+    lists: &'a ListRoom,
+    surface: &'a SurfaceRoom,
+    light: &'a LightRoom,
+    layers: Option<&'a LayerRoom>,
 }
 
 fn deferred(
     settings: &ShadowSettings,
-    passes: &mut Passes,
+    passes: &Passes,
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
+    (rooms, shadow): (&FrameRooms<'_>, &mut ShadowRoom),
 ) -> FrameOutputs {
-    let group = passes.frame_group.group();
+    let group = inputs.group.group();
     let scene = &inputs.scene.gpu;
     passes.motion.record(frame, scene);
-    let lists = passes.surfaces.cull(frame, scene, &inputs.camera.cull);
-    let depth = passes.surfaces.record_visibility(frame, group, scene, &lists, &inputs.camera);
-    let views = &passes.frame_group.lighting;
-    let shadows =
-        passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, Some(&depth), settings);
-    let surface = passes.surfaces.record_resolve(frame, group, scene, &lists);
-    let light_grid = passes.direct.record_grid(frame, group);
+    let lists = cull(passes, frame, inputs, rooms);
+    let camera = (rooms.views, &lists, CAMERA);
+    let depth = passes.surfaces.record_visibility(frame, (group, scene), camera, rooms.surface);
+    let shadow_inputs = shadow_inputs(passes, inputs, rooms, (&lists, Some(&depth)), settings);
+    let shadows = passes.shadows.record(frame, inputs.group, &shadow_inputs, shadow);
+    let surface = passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface);
+    let light_grid = passes.direct.record_grid(frame, group, rooms.light);
     let light = (&shadows, &light_grid);
-    let (radiance, unlit) = shade_both(passes, frame, &inputs.data, |frame, radiance, _| {
+    let (radiance, unlit) = shade_both(frame, inputs, rooms.light, |frame, radiance, _| {
         passes.direct.record_deferred(frame, group, &surface, light, radiance);
-        if let Some(transparency) = passes.transparency.as_ref().filter(|_| scene.see_through()) {
-            transparency.record(frame, (group, scene), &lists, light, &surface.depth, radiance);
+        if let (Some(transparency), Some(layers)) = (&*passes.transparency, rooms.layers) {
+            let picture = (radiance, layers);
+            transparency.record(frame, (group, scene), camera, light, &surface.depth, picture);
         }
     });
     FrameOutputs { radiance, unlit, shadows, light_grid, surface: Some(surface) }
@@ -93,31 +121,67 @@ fn deferred(
 
 fn forward(
     settings: &ShadowSettings,
-    passes: &mut Passes,
+    passes: &Passes,
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
+    (rooms, shadow): (&FrameRooms<'_>, &mut ShadowRoom),
 ) -> FrameOutputs {
-    let group = passes.frame_group.group();
+    let group = inputs.group.group();
     let scene = &inputs.scene.gpu;
     passes.motion.record(frame, scene);
-    let lists = passes.surfaces.cull(frame, scene, &inputs.camera.cull);
-    let blends = passes.transparency.is_some() && scene.see_through();
-    let needs_depth = inputs.wants_surface || blends || !inputs.shadow_views.fitted.is_empty();
-    let depth =
-        needs_depth.then(|| passes.surfaces.record_visibility(frame, group, scene, &lists, &inputs.camera));
-    let views = &passes.frame_group.lighting;
-    let shadows =
-        passes.shadows.record(frame, (group, views), scene, inputs.shadow_views, depth.as_ref(), settings);
-    let surface = inputs.wants_surface.then(|| passes.surfaces.record_resolve(frame, group, scene, &lists));
-    let light_grid = passes.direct.record_grid(frame, group);
+    let lists = cull(passes, frame, inputs, rooms);
+    let camera = (rooms.views, &lists, CAMERA);
+    let needs_depth =
+        inputs.wants_surface || rooms.layers.is_some() || !inputs.shadow_views.fitted.is_empty();
+    let depth = needs_depth
+        .then(|| passes.surfaces.record_visibility(frame, (group, scene), camera, rooms.surface));
+    let shadow_inputs = shadow_inputs(passes, inputs, rooms, (&lists, depth.as_ref()), settings);
+    let shadows = passes.shadows.record(frame, inputs.group, &shadow_inputs, shadow);
+    let surface = inputs
+        .wants_surface
+        .then(|| passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface));
+    let light_grid = passes.direct.record_grid(frame, group, rooms.light);
     let light = (&shadows, &light_grid);
-    let transparency = passes.transparency.as_ref().filter(|_| scene.see_through());
-    let (radiance, unlit) = shade_both(passes, frame, &inputs.data, |frame, radiance, dark| {
+    let (radiance, unlit) = shade_both(frame, inputs, rooms.light, |frame, radiance, dark| {
         let sky = if dark { Some(wgpu::Color::TRANSPARENT) } else { inputs.sky };
-        passes.direct.record_forward(frame, (group, scene), &lists, light, sky, radiance);
-        if let (Some(transparency), Some(depth)) = (transparency, &depth) {
-            transparency.record(frame, (group, scene), &lists, light, depth, radiance);
+        let lists = (&lists, rooms.light);
+        passes.direct.record_forward(frame, (group, scene), lists, light, sky, radiance);
+        if let (Some(transparency), Some(layers), Some(depth)) =
+            (&*passes.transparency, rooms.layers, &depth)
+        {
+            transparency.record(frame, (group, scene), camera, light, depth, (radiance, layers));
         }
     });
     FrameOutputs { radiance, unlit, shadows, light_grid, surface }
+}
+
+/// Culls for the camera, and for as many of the other views that are known by now as go with it.
+fn cull(
+    passes: &Passes,
+    frame: &mut Frame<'_>,
+    inputs: &FrameInputs<'_>,
+    rooms: &FrameRooms<'_>,
+) -> DrawLists {
+    let together = rooms.views.batches()[0].clone();
+    passes.culling.record(frame, &inputs.scene.gpu, rooms.views, together, rooms.lists)
+}
+
+fn shadow_inputs<'a>(
+    passes: &'a Passes,
+    inputs: &FrameInputs<'a>,
+    rooms: &FrameRooms<'a>,
+    (lists, depth): (&'a DrawLists, Option<&'a Texture>),
+    settings: &'a ShadowSettings,
+) -> ShadowInputs<'a> {
+    ShadowInputs {
+        scene: &inputs.scene.gpu,
+        views: inputs.shadow_views,
+        plan: inputs.shadow_plan,
+        table: rooms.views,
+        first: CAMERA + 1,
+        lists,
+        culling: &passes.culling,
+        depth,
+        settings,
+    }
 }

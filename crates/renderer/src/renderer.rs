@@ -3,38 +3,26 @@
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::{Frame, Gpu, GroupLayout, TexturePool, wgpu};
 use chiaro_scene::Scene;
-use chiaro_techniques::caustics;
-use chiaro_techniques::direct::{DirectLight, Permutations, grid_size};
+use chiaro_techniques::direct::{Permutations, grid_size};
 use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
-use chiaro_techniques::motion::Motion;
-use chiaro_techniques::shaders;
-use chiaro_techniques::shadow::{CameraView, FitInputs, ShadowMaps, ShadowViews, fit};
-use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
-use chiaro_techniques::surface::culling::CullView;
+use chiaro_techniques::shadow::{CameraView, FitInputs, ShadowPlan, ShadowViews, fit};
+use chiaro_techniques::shared::frame::{FrameData, LightData};
+use chiaro_techniques::surface::SceneFacts;
+use chiaro_techniques::surface::culling::{Culling, ListRoom};
 use chiaro_techniques::surface::raster::ComputeRaster;
-use chiaro_techniques::surface::{SceneFacts, SurfaceView, Surfaces};
-use chiaro_techniques::transparency::Transparency;
-use glam::{DVec3, Mat4, Vec2, Vec3};
+use chiaro_techniques::surface::view::ViewData;
+use chiaro_techniques::{Kit, caustics, shaders};
+use glam::{Mat4, Vec2, Vec3};
 
+use crate::passes::{Missing, Passes};
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
-use crate::plan::{Built, Kit, Missing, Plan};
-use crate::{Error, LoadedScene, Pipeline, Settings, View};
-
-/// Compiled passes and their resources.
-#[derive(Debug)]
-pub(crate) struct Passes {
-    pub frame_group: FrameGroup,
-    pub motion: Motion,
-    pub surfaces: Surfaces,
-    pub shadows: ShadowMaps,
-    pub direct: DirectLight,
-    /// Once a scene had something see-through.
-    pub transparency: Option<Transparency>,
-}
+use crate::plan::{Built, Plan};
+use crate::view_state::Histories;
+use crate::{Error, LoadedScene, Pipeline, Settings, View, ViewState};
 
 /// Renders scenes with the techniques that [`Settings`] choose.
 ///
-/// A frame is [`Renderer::prepare`], which may allocate, then [`Renderer::frame`], which does not. Programs that must not
+/// A frame is [`Renderer::prepare`], which may allocate, then [`Prepared::record`], which does not. Programs that must not
 /// stall compile on another thread: [`Renderer::plan`], [`Plan::build`], [`Renderer::install`].
 #[derive(Debug)]
 pub struct Renderer {
@@ -43,24 +31,27 @@ pub struct Renderer {
     // The same with nothing left to the adapter.
     resolved: Settings,
     passes: Passes,
+    // What of scenes they were compiled for.
+    facts: SceneFacts,
     // Counts installations of passes, so that a plan made before the last one is known.
     generation: u64,
     pub(crate) pool: TexturePool,
-    prepared: Option<Prepared>,
-    // And the origin that it counts from.
-    previous_clip_from_ws: Option<(DVec3, Mat4)>,
-    // For which scene and eye, and what it was.
-    sky_view: Option<(u64, DVec3, SkyView)>,
-    notes: Vec<String>,
+    // Of stills.
+    pub(crate) still_view: Option<ViewState>,
 }
 
-/// One frame's data, computed before it is recorded.
+/// A frame that is ready to be recorded.
 #[derive(Debug)]
-struct Prepared {
+#[must_use = "a frame is prepared to be recorded"]
+pub struct Prepared<'a> {
+    renderer: &'a Renderer,
+    state: &'a mut ViewState,
+    scene: &'a LoadedScene,
     data: FrameData,
-    camera: SurfaceView,
     shadow_views: ShadowViews,
-    lights: Vec<chiaro_techniques::shared::frame::LightData>,
+    shadow_plan: ShadowPlan,
+    lights: Vec<LightData>,
+    // Stored units; `None` = the environment.
     sky: Option<wgpu::Color>,
 }
 
@@ -79,27 +70,25 @@ impl Renderer {
     /// As [`Renderer::new`] and [`Renderer::load`].
     pub fn with_scene(gpu: &Gpu, settings: Settings, scene: &Scene) -> Result<(Self, LoadedScene), Error> {
         let kit = Kit::new(gpu, shaders::library());
-        let loaded = kit.upload(scene)?;
+        let loaded = LoadedScene::upload(&kit, scene)?;
         Ok((Self::with(kit, settings, loaded.gpu.facts)?, loaded))
     }
 
     fn with(kit: Kit, settings: Settings, facts: SceneFacts) -> Result<Self, Error> {
         check(&kit.gpu, &settings)?;
         let resolved = settings.resolved(&kit.gpu);
-        let plan = Plan::new(kit.clone(), settings.clone(), facts, 0, Missing::all(facts));
-        let Some(passes) = plan.build()?.into_passes() else { unreachable!("everything was missing") };
+        let passes = Missing::of(None, &resolved, facts).compile(&kit)?;
+        let Some(passes) = passes.into_passes() else { unreachable!("everything was missing") };
         kit.gpu.check()?;
         Ok(Self {
             kit,
             settings,
             resolved,
             passes,
+            facts,
             generation: 0,
             pool: TexturePool::default(),
-            prepared: None,
-            previous_clip_from_ws: None,
-            sky_view: None,
-            notes: Vec::new(),
+            still_view: None,
         })
     }
 
@@ -119,16 +108,16 @@ impl Renderer {
     /// When settings do not go together, or the adapter cannot do them.
     pub fn plan(&self, settings: Settings, facts: SceneFacts) -> Result<Plan, Error> {
         check(&self.kit.gpu, &settings)?;
-        let facts = self.passes.surfaces.facts().union(facts);
-        let missing = Missing::from(&self.passes, &settings.resolved(&self.kit.gpu), facts);
+        let facts = self.facts.union(facts);
+        let missing = Missing::of(Some(&self.passes), &settings.resolved(&self.kit.gpu), facts);
         Ok(Plan::new(self.kit.clone(), settings, facts, self.generation, missing))
     }
 
     /// A plan to compile everything anew from other shaders.
     pub fn plan_shaders(&self, library: Library) -> Plan {
         let kit = Kit { library, ..self.kit.clone() };
-        let facts = self.passes.surfaces.facts();
-        Plan::new(kit, self.settings.clone(), facts, self.generation, Missing::all(facts))
+        let missing = Missing::of(None, &self.resolved, self.facts);
+        Plan::new(kit, self.settings.clone(), self.facts, self.generation, missing)
     }
 
     /// Takes over what was compiled, and the settings it was compiled for. `false`, and nothing changes, when something else
@@ -144,32 +133,14 @@ impl Renderer {
         }
         self.generation += 1;
         self.kit = built.kit;
-        // New passes have no room yet.
-        self.prepared = None;
-        if let Some(frame_group) = built.frame_group {
-            self.passes.frame_group = frame_group;
-        }
-        if let Some(motion) = built.motion {
-            self.passes.motion = motion;
-        }
-        if let Some(surfaces) = built.surfaces {
-            self.passes.surfaces = surfaces;
-        }
-        if let Some(shadows) = built.shadows {
-            self.passes.shadows = shadows;
-        }
-        if let Some(direct) = built.direct {
-            self.passes.direct = direct;
-        }
-        if built.transparency.is_some() {
-            self.passes.transparency = built.transparency;
-        }
+        self.facts = built.facts;
+        built.found.install(&mut self.passes);
         true
     }
 
     /// What shaders that look up lights are compiled for.
     pub fn permutations(&self) -> Permutations {
-        self.passes.direct.permutations()
+        *self.passes.direct.key()
     }
 
     /// Frees textures of sizes and kinds that are no longer in use, and that would otherwise be kept for the next use.
@@ -197,14 +168,13 @@ impl Renderer {
         &self.kit.frame_layout
     }
 
-    /// The frame's bind group, for passes of one's own.
-    pub fn frame_group(&self) -> &chiaro_gpu::Group {
-        self.passes.frame_group.group()
+    pub(crate) fn passes(&self) -> &Passes {
+        &self.passes
     }
 
-    /// Sentences about what the last [`Renderer::prepare`] gave up, for the user.
+    /// Sentences about what the last still gave up, for the user.
     pub fn notes(&self) -> &[String] {
-        &self.notes
+        self.still_view.as_ref().map_or(&[], ViewState::notes)
     }
 
     /// Uploads a scene, and compiles what its materials need beyond those of earlier scenes.
@@ -212,23 +182,32 @@ impl Renderer {
     /// # Errors
     /// When it does not fit the adapter.
     pub fn load(&mut self, scene: &Scene) -> Result<LoadedScene, Error> {
-        let loaded = self.kit.upload(scene)?;
+        let loaded = LoadedScene::upload(&self.kit, scene)?;
         let built = self.plan(self.settings.clone(), loaded.gpu.facts)?.build()?;
         self.install(built);
         self.kit.gpu.check()?;
         Ok(loaded)
     }
 
-    /// Computes a frame's data and makes room for it. `jitter_px` moves the picture by parts of a pixel, and
-    /// `footprint_scale` (1/√frames averaged) sharpens textures accordingly.
-    pub fn prepare(
-        &mut self,
-        scene: &LoadedScene,
+    /// Computes a frame's data and makes room for it in the view's state. `jitter_px` moves the picture by parts of a pixel,
+    /// and `footprint_scale` (1/√frames averaged) sharpens textures accordingly.
+    ///
+    /// # Errors
+    /// When the picture has no pixels, or more to a side than the adapter can do.
+    pub fn prepare<'a>(
+        &'a self,
+        state: &'a mut ViewState,
+        scene: &'a LoadedScene,
         view: &View,
         size_px: [u32; 2],
-        jitter_px: Vec2,
-        footprint_scale: f32,
-    ) {
+        (jitter_px, footprint_scale): (Vec2, f32),
+    ) -> Result<Prepared<'a>, Error> {
+        let (gpu, passes) = (&self.kit.gpu, &self.passes);
+        let most = gpu.limits.max_texture_dimension_2d;
+        if size_px.iter().any(|&side| side == 0 || side > most) {
+            return Err(Error::Size { size: size_px, most });
+        }
+        assert!(self.facts.serve(scene.gpu.facts), "passes were compiled for less than the scene needs: plan");
         let settings = &self.resolved;
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
         let steady = view.clip_from_ws(size_px, Vec2::ZERO);
@@ -244,13 +223,13 @@ impl Renderer {
             casters: Some(&scene.casters),
             camera,
             settings: &settings.shadow,
-            clamps_depth: self.kit.gpu.optional.depth_clip_control,
+            clamps_depth: gpu.optional.depth_clip_control,
             see_through: scene.gpu.see_through(),
         };
         let shadow_views = fit(&mut lights, &inputs);
-        self.notes.clone_from(&shadow_views.notes);
+        state.notes.clone_from(&shadow_views.notes);
         let grid = grid_size(size_px, lights.len() - scene.directional);
-        let sky_view = sky_view(&mut self.sky_view, scene, view.eye_ws());
+        let sky_view = sky_view(&mut state.history, scene, view.eye_ws());
         let map = scene.environment.as_ref();
         let factor = settings.environment.intensity;
         let turn = settings.environment.rotation.to_radians();
@@ -261,11 +240,12 @@ impl Renderer {
         // Behind everything is a light's own radiance.
         let sky = sky * show_direct;
         let diffuse = map.map_or([Mat4::ZERO; 3], |map| map.harmonics.turned(turn, factor * share));
-        let previous = self.previous_clip_from_ws.filter(|(origin, _)| *origin == scene.gpu.motion.origin());
+        let origin = scene.gpu.motion.origin();
+        let previous = state.history.clip_from_ws.get(&origin);
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
-            previous_clip_from_ws: previous.map_or(steady, |(_, clip)| clip).to_cols_array_2d(),
+            previous_clip_from_ws: previous.copied().unwrap_or(steady).to_cols_array_2d(),
             eye_ws: view.eye_ws().to_array(),
             orthographic: u32::from(view.is_orthographic()),
             forward_ws: view.forward_ws().to_array(),
@@ -294,61 +274,71 @@ impl Renderer {
             reserved2: 0,
             shadow: settings.shadow.parameters(),
         };
-        self.previous_clip_from_ws = Some((scene.gpu.motion.origin(), steady));
+        state.history.clip_from_ws.keep(origin, steady);
         let eye =
             if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };
         let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
         let sky = map.is_none().then_some(wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 });
         let environment = map.map(|map| &map.texture);
-        self.passes.frame_group.reserve(&self.kit.gpu, lights.len(), environment);
-        self.passes.surfaces.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px);
-        let (shadow, anisotropy) = (&settings.shadow, settings.surface.anisotropy);
-        self.passes.shadows.reserve(&self.kit.gpu, &scene.gpu, &shadow_views, shadow, anisotropy);
-        self.passes.direct.reserve(&self.kit.gpu, &self.pool, (size_px, grid), scene.gpu.unlit);
-        if let Some(transparency) = &mut self.passes.transparency {
-            transparency.reserve(&self.kit.gpu, &self.pool, &scene.gpu, size_px, settings.surface.layers);
-        }
-        let camera = SurfaceView {
-            cull: CullView::new(&clip_from_ws, eye, true, false),
-            clip_from_ws,
+        state.frame_group.reserve(gpu, lights.len(), environment);
+        let rooms = &mut state.rooms;
+        let shadow_settings = &settings.shadow;
+        let shadow = passes.shadows.room(gpu, &scene.gpu, &shadow_views, shadow_settings, &mut rooms.shadow);
+        let anisotropy = settings.surface.anisotropy;
+        let shadow_plan = passes.shadows.plan(gpu, &scene.gpu, &shadow_views, shadow, anisotropy);
+        let camera = ViewData {
             footprint_scale,
             anisotropy,
+            ..ViewData::new(&clip_from_ws, eye, size_px).dropping_back_faces()
         };
-        self.prepared = Some(Prepared { data, camera, shadow_views, lights, sky });
+        let at_once = Culling::views_at_once(gpu, &scene.gpu);
+        let (known, fitted) = shadow_plan.views();
+        rooms.views.set(gpu, &[&[camera], known].concat(), fitted, at_once);
+        // As many as may ever be culled together, so that frames do not allocate when more maps are drawn.
+        let together = at_once.min(1 + shadow_views.views.len());
+        let serves = |room: &ListRoom| room.serves(&scene.gpu, together);
+        chiaro_gpu::keep(&mut rooms.lists, serves, || ListRoom::new(gpu, &scene.gpu, together));
+        passes.surfaces.room(gpu, &self.pool, size_px, &mut rooms.surface);
+        passes.direct.room(gpu, &self.pool, (size_px, grid), scene.gpu.unlit, &mut rooms.light);
+        match passes.transparency.as_ref().filter(|_| scene.gpu.see_through()) {
+            Some(transparency) => {
+                transparency.room(gpu, &self.pool, size_px, settings.surface.layers, &mut rooms.layers);
+            }
+            None => rooms.layers = None,
+        }
+        Ok(Prepared { renderer: self, state, scene, data, shadow_views, shadow_plan, lights, sky })
     }
+}
 
-    /// Records a prepared frame. `wants_surface`: make the surface buffer even where the pipeline does without.
-    ///
-    /// # Panics
-    /// When [`Renderer::prepare`] was not called.
-    pub fn frame(&mut self, frame: &mut Frame<'_>, scene: &LoadedScene, wants_surface: bool) -> FrameOutputs {
-        let Some(prepared) = &self.prepared else { panic!("a frame must be prepared before it is recorded") };
-        let group = &self.passes.frame_group;
-        let views: Vec<_> = prepared.shadow_views.views.iter().map(|view| view.data).collect();
-        group.upload(frame, &prepared.data, &prepared.lights, &views);
+impl Prepared<'_> {
+    /// Records the frame. `wants_surface`: make the surface buffer even where the pipeline does without.
+    pub fn record(self, frame: &mut Frame<'_>, wants_surface: bool) -> FrameOutputs {
+        let Self { renderer, state, scene, data, shadow_views, shadow_plan, lights, sky } = self;
+        let views: Vec<_> = shadow_views.views.iter().map(|view| view.data).collect();
+        state.frame_group.upload(frame, &data, &lights, &views);
+        state.rooms.views.upload(frame);
         let inputs = FrameInputs {
             scene,
-            camera: prepared.camera,
-            shadow_views: &prepared.shadow_views,
-            sky: prepared.sky,
+            group: &state.frame_group,
+            shadow_views: &shadow_views,
+            shadow_plan: &shadow_plan,
+            sky,
             wants_surface,
-            data: [prepared.data, prepared.data.without_light(prepared.data.show_direct)],
+            data: [data, data.without_light(data.show_direct)],
         };
-        record(&self.resolved, &mut self.passes, frame, &inputs)
+        record(&renderer.resolved, &renderer.passes, frame, &inputs, &mut state.rooms)
     }
 }
 
 /// How much sky the eye sees; looked up again only when it moved.
-fn sky_view(known: &mut Option<(u64, DVec3, SkyView)>, scene: &LoadedScene, eye_ws: Vec3) -> SkyView {
-    let place = eye_ws.as_dvec3() + scene.gpu.motion.origin();
-    match *known {
-        Some((id, eye, view)) if id == scene.gpu.id() && eye == place => view,
-        _ => {
-            let view = scene.openness.sky_view(eye_ws);
-            *known = Some((scene.gpu.id(), place, view));
-            view
-        }
+fn sky_view(history: &mut Histories, scene: &LoadedScene, eye_ws: Vec3) -> SkyView {
+    let key = (scene.gpu.id(), eye_ws.as_dvec3() + scene.gpu.motion.origin());
+    if let Some(view) = history.sky.get(&key) {
+        return *view;
     }
+    let view = scene.openness.sky_view(eye_ws);
+    history.sky.keep(key, view);
+    view
 }
 
 fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {

@@ -4,7 +4,7 @@ use chiaro_gpu::{Readback, Recorder, parallel};
 use chiaro_techniques::post::{Accumulator, Aov, AovPass, Display, Sum};
 use glam::Vec2;
 
-use crate::{Error, Kit, LoadedScene, Renderer, View};
+use crate::{Error, Kit, LoadedScene, Renderer, View, ViewState};
 
 /// What to make.
 #[derive(Clone, Debug)]
@@ -123,10 +123,13 @@ impl Renderer {
         let mut unlit = scene.gpu.unlit.then(|| Sum::new(&gpu, &self.pool, size));
         let mut aov_sums: Vec<_> = options.aovs.iter().map(|_| Sum::new(&gpu, &self.pool, size)).collect();
         let picture = Display::picture(&gpu, &self.pool, size);
+        // Maps that rest are kept from still to still.
+        let mut state = self.still_view.take().unwrap_or_else(|| ViewState::new(self));
         for index in 0..samples {
-            self.prepare(scene, view, size, jitter.offset_px(index), jitter.footprint_scale());
+            let sampling = (jitter.offset_px(index), jitter.footprint_scale());
+            let prepared = self.prepare(&mut state, scene, view, size, sampling)?;
             let mut frame = recorder.begin();
-            let outputs = self.frame(&mut frame, scene, aov_pass.is_some());
+            let outputs = prepared.record(&mut frame, aov_pass.is_some());
             accumulator.record(&mut frame, &outputs.radiance, 1.0 / scene.radiance_scale, &mut sum);
             if let (Some(color), Some(unlit)) = (&outputs.unlit, &mut unlit) {
                 accumulator.record(&mut frame, color, 1.0, unlit);
@@ -134,7 +137,7 @@ impl Renderer {
             if let (Some(pass), Some(surface)) = (&aov_pass, &outputs.surface) {
                 for (number, (aov, aov_sum)) in options.aovs.iter().zip(&mut aov_sums).enumerate() {
                     let inputs = (surface, &outputs.shadows, &outputs.light_grid);
-                    pass.record(&mut frame, self.frame_group(), inputs, (number, *aov), aov_sum);
+                    pass.record(&mut frame, state.frame_group(), inputs, (number, *aov), aov_sum);
                 }
             }
             if index + 1 == samples {
@@ -144,6 +147,7 @@ impl Renderer {
             gpu.check()?;
             progress(index + 1);
         }
+        self.still_view = Some(state);
         let aovs = options.aovs.iter().zip(&aov_sums);
         let aovs = aovs.map(|(aov, sum)| Ok((*aov, Readback::start(&gpu, sum.texture())?)));
         Ok(Still {

@@ -4,13 +4,15 @@
 //! shaders. Entry files end in `.cs.wesl` (compute) or `.vs.wesl` (vertex and fragment); other `.wesl` files are
 //! libraries that entries import.
 //!
-//! A technique's pass type has `new` (compiles), `reserve` (allocates, outside frames) and `record` (records into a
-//! [`chiaro_gpu::Frame`], typed handles in and out, allocates nothing).
+//! A technique's pass type is a [`Pass`]: what was compiled, and nothing else. Its `room` makes what it writes into, outside
+//! frames; `record` records into a [`chiaro_gpu::Frame`], typed handles and the room in, typed handles out, and allocates
+//! nothing.
 
 pub mod caustics;
 pub mod direct;
 pub mod environment;
 pub mod indirect;
+mod kit;
 pub mod motion;
 pub mod post;
 pub mod reference;
@@ -20,6 +22,8 @@ pub mod shadow;
 pub mod shared;
 pub mod surface;
 pub mod transparency;
+
+pub use kit::{Compiled, Kit, Pass};
 
 #[cfg(test)]
 mod layout_tests;

@@ -6,22 +6,19 @@ use bytemuck::Pod;
 use chiaro_gpu::shader::Permutation;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{
-    Binding, Buffer, BufferReadback, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout,
-    Life, Recorder,
+    Binding, Buffer, BufferReadback, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, Life, Recorder,
 };
-use chiaro_techniques::shaders;
-use chiaro_techniques::shared::albedo_table;
+use chiaro_techniques::shared::albedo_table::AlbedoTable;
 use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
 use chiaro_techniques::surface::SceneGpu;
+use chiaro_techniques::{Kit, Pass, shaders};
 
 /// The shared bind groups, and shaders run over them.
 #[derive(Debug)]
 pub struct Bench {
     gpu: Gpu,
-    /// Group 0's layout.
-    pub frame_layout: GroupLayout,
-    /// Group 1's layout.
-    pub scene_layout: GroupLayout,
+    /// What passes are compiled with.
+    pub kit: Kit,
     /// Group 0, with the BRDF's table filled in.
     pub frame: FrameGroup,
 }
@@ -39,14 +36,10 @@ impl Bench {
     /// # Panics
     /// When the table's shader does not compile.
     pub fn new(gpu: &Gpu) -> Self {
-        let frame_layout = FrameGroup::layout(gpu);
-        let table = albedo_table::texture(gpu);
-        let mut recorder = Recorder::new(gpu, false);
-        let mut frame = recorder.begin();
-        need(albedo_table::record(&mut frame, &shaders::library(), &table));
-        frame.submit();
-        let frame = FrameGroup::new(gpu, &frame_layout, &table);
-        Self { gpu: gpu.clone(), scene_layout: SceneGpu::layout(gpu), frame_layout, frame }
+        let kit = Kit::new(gpu, shaders::library());
+        let table = need(AlbedoTable::compile(&kit, &())).texture;
+        let frame = FrameGroup::new(gpu, &kit.frame_layout, &table);
+        Self { gpu: gpu.clone(), kit, frame }
     }
 
     /// Fills the frame's uniform for the shaders that follow.
@@ -92,8 +85,8 @@ impl Bench {
         inputs: &[(&'static str, Binding<'_>)],
         (dispatch, count): (Dispatch<'_>, usize),
     ) -> Output<T> {
-        let library = shaders::library().with(&[shader]);
-        let layouts = [&self.frame_layout, &self.scene_layout];
+        let library = self.kit.library.clone().with(&[shader]);
+        let layouts = [&self.kit.frame_layout, &self.kit.scene_layout];
         // Of what reads shadow maps.
         let entry = Permutation::plain(shader.0).flag("float_maps", false);
         let pipeline = need(ComputePipeline::new(&self.gpu, &library, &entry, &layouts, constants));

@@ -32,7 +32,7 @@ impl Truth {
         options: ReferenceOptions,
     ) -> Self {
         let kit = Kit::new(gpu, shaders::library());
-        let loaded = need(kit.upload(scene));
+        let loaded = need(LoadedScene::upload(&kit, scene));
         let reference = need(Reference::new(&kit, (scene, &loaded), &settings, (view, size), options));
         let recorder = Recorder::new(gpu, false);
         Self { settings, gpu: gpu.clone(), size, loaded, reference, recorder }

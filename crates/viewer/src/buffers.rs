@@ -1,7 +1,7 @@
 //! Every buffer of a frame, by name, and how it is made visible.
 
 use chiaro::techniques::post::{Aov, DebugView, Mapping, Sum};
-use chiaro::{Frame, FrameOutputs, Texture};
+use chiaro::{Frame, FrameOutputs, Texture, ViewState};
 
 use crate::engine::Engine;
 use crate::stage::Stage;
@@ -192,7 +192,7 @@ pub struct Drawn {
 /// Draws a buffer of the frame that was just recorded. `sum` is scratch of the picture's size.
 pub fn draw(
     frame: &mut Frame<'_>,
-    engine: &Engine,
+    (engine, state): (&Engine, &ViewState),
     stage: &Stage,
     outputs: &FrameOutputs,
     shown: Shown,
@@ -200,7 +200,7 @@ pub fn draw(
 ) -> Drawn {
     let passes = &engine.passes;
     let BufferView { source, mapping, .. } = *shown.view();
-    let (debug, group) = (&passes.debug, engine.renderer.frame_group());
+    let (debug, group) = (&passes.debug, state.frame_group());
     let show = |frame: &mut Frame<'_>, debug: &DebugView, texture: &Texture, scale: f32| {
         debug.record(frame, group, (texture, shown.layer), (mapping, scale), &passes.display, picture);
         let options = texture.options();

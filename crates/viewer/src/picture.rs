@@ -1,7 +1,7 @@
 //! The picture in the window: one frame while something moves, an average of many while everything rests.
 
 use chiaro::techniques::post::{Display, Sum, Summed};
-use chiaro::{Frame, Gpu, Jitter, Pixels, Readback, Settings, Texture, TexturePool, View};
+use chiaro::{Frame, Gpu, Jitter, Pixels, Readback, Settings, Texture, TexturePool, View, ViewState};
 use glam::Vec2;
 
 use crate::buffers::{self, Drawn, Place, Shown};
@@ -39,6 +39,8 @@ pub struct Picture {
     // The sum holds a frame of a picture that moved, taken without jitter.
     moved: bool,
     truth: Option<Shows>,
+    // What frames keep, once there was one.
+    state: Option<ViewState>,
 }
 
 /// Which part of a picture shows the truth, and of how many samples.
@@ -63,7 +65,13 @@ impl Picture {
             drawn: None,
             moved: false,
             truth: None,
+            state: None,
         }
+    }
+
+    /// Sentences about what the last frame gave up, for the user.
+    pub fn notes(&self) -> &[String] {
+        self.state.as_ref().map_or(&[], ViewState::notes)
     }
 
     /// The picture, 8-bit sRGB.
@@ -193,9 +201,11 @@ impl Picture {
         let Engine { renderer, passes, .. } = engine;
         let options = picture.options();
         let size_px = [options.width, options.height];
-        renderer.prepare(&stage.loaded, view, size_px, jitter_px, footprint_scale);
+        let state = self.state.get_or_insert_with(|| ViewState::new(renderer));
+        let sampling = (jitter_px, footprint_scale);
+        let Ok(prepared) = renderer.prepare(state, &stage.loaded, view, size_px, sampling) else { return };
         let buffer = self.buffer.as_mut().filter(|_| shown.place != Place::Off);
-        let outputs = renderer.frame(frame, &stage.loaded, buffer.is_some());
+        let outputs = prepared.record(frame, buffer.is_some());
         passes.accumulator.record(frame, &outputs.radiance, 1.0 / stage.loaded.radiance_scale, sum);
         match &outputs.unlit {
             Some(color) => {
@@ -210,7 +220,7 @@ impl Picture {
         passes.display.record(frame, &renderer.settings().camera, (sum, self.unlit.as_ref()), picture);
         self.truth = None;
         if let Some((scratch, picture)) = buffer {
-            self.drawn = Some(buffers::draw(frame, engine, stage, &outputs, shown, (scratch, picture)));
+            self.drawn = Some(buffers::draw(frame, (engine, state), stage, &outputs, shown, (scratch, picture)));
         }
     }
 

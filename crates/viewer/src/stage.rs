@@ -58,7 +58,7 @@ impl Stage {
     /// When it cannot be read, or does not fit the adapter.
     pub fn load(kit: &Kit, request: &Request) -> Result<Self, Error> {
         let scene = read(request)?;
-        let loaded = kit.upload(&scene)?;
+        let loaded = LoadedScene::upload(kit, &scene)?;
         Ok(Self::new(&request.source, scene, loaded))
     }
 

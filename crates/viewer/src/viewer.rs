@@ -716,7 +716,7 @@ impl Viewer {
         }
         self.timings.frame_took(f64::from(self.ctx.input(|i| i.unstable_dt)) * 1e3);
         if draws {
-            self.panel.notes = engine.renderer.notes().to_vec();
+            self.panel.notes = self.picture.notes().to_vec();
         }
     }
 

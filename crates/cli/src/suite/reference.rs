@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use chiaro::scene::Scene;
-use chiaro::{Integrator, Recorder, Reference, ReferenceOptions};
+use chiaro::{Integrator, LoadedScene, Recorder, Reference, ReferenceOptions};
 use serde::Serialize;
 
 use crate::args::BenchArgs;
@@ -91,7 +91,7 @@ fn measure(session: &Session<Tracing>, row: &Row, frames: u32) -> anyhow::Result
     let Session { gpu, renderer, scene, view, size, source, .. } = session;
     let without_light = row.dark.then(|| dark(source));
     let (source, loaded) = match &without_light {
-        Some(source) => (source, &renderer.kit().upload(source)?),
+        Some(source) => (source, &LoadedScene::upload(renderer.kit(), source)?),
         None => (source, scene),
     };
     let (kit, settings) = (renderer.kit(), renderer.settings());

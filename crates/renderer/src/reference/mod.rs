@@ -10,6 +10,8 @@ use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceScene};
 use chiaro_techniques::reference::first_hit::{FirstHitSum, FirstHitTracer};
 use chiaro_techniques::reference::path::{Interfaces, PathNoise, PathOptions, PathSum, PathTracer};
 use chiaro_techniques::reference::photon::{PhotonMap, PhotonOptions, PhotonTracer, PhotonView, Specular};
+use chiaro_techniques::Pass;
+use chiaro_techniques::shared::albedo_table::AlbedoTable;
 use chiaro_techniques::shared::frame::FrameGroup;
 use chiaro_techniques::surface::SceneFacts;
 use glam::Vec3;
@@ -109,7 +111,7 @@ impl Reference {
         // What bends but does not move is bent once, by the same pass as in pictures.
         let moves = scene.duration_s().is_some() || scene.nodes.iter().any(|node| scene.deforms(node));
         let following = moves.then(|| -> Result<_, Error> {
-            let (motion, refit) = (Motion::new(gpu, &kit.library)?, Refit::new(gpu, &kit.library)?);
+            let (motion, refit) = (Motion::compile(kit, &())?, Refit::new(gpu, &kit.library)?);
             Ok(Following { motion, refit })
         });
         let following = following.transpose()?;
@@ -126,7 +128,7 @@ impl Reference {
         });
         Ok(Self {
             kit: kit.clone(),
-            frame_group: kit.frame_group()?,
+            frame_group: FrameGroup::new(gpu, &kit.frame_layout, &AlbedoTable::compile(kit, &())?.texture),
             traced,
             tracer,
             noise: PathNoise::new(gpu, &kit.library)?,

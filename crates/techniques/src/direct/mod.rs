@@ -15,19 +15,18 @@ mod lights;
 
 pub use lights::{grid_size, illuminance_scale, light_data};
 
-use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, Bind, Buffer, ComputePipeline, DepthAttachment, Dispatch, Draw, Frame, Gpu, GpuError, Group,
-    GroupLayout, Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
+    Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
     parallel,
 };
 
-use crate::shaders;
 use crate::shadow::{Lookup, ShadowOutputs, ShadowSettings};
 use crate::surface::culling::{DEPTH_COMPARE, DrawLists, Kinds, draw_classes, kinds};
 use crate::surface::scene::OPAQUE;
 use crate::surface::{SceneFacts, SceneGpu, SurfaceBuffer, cull_mode};
+use crate::{Kit, Pass, shaders};
 
 /// What shaders are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +58,6 @@ pub struct DirectLight {
     grid: ComputePipeline,
     shading: Shading,
     permutations: Permutations,
-    targets: Option<Buffers>,
 }
 
 /// What turns light and surfaces into radiance.
@@ -69,27 +67,24 @@ enum Shading {
     Forward { kinds: Kinds, background: RenderPipeline },
 }
 
+/// What light is rendered into, of one size.
 #[derive(Debug)]
-struct Buffers {
-    radiance: Texture,
-    unlit: Option<Texture>,
+pub struct LightRoom {
+    /// Rgba16Float.
+    pub radiance: Texture,
+    /// Rgba16Float, the colour of unlit materials, where there are any.
+    pub unlit: Option<Texture>,
     light_grid: Buffer,
     words: u64,
+    // Of the forward pipeline: colour and depth.
     multisampled: Option<(Texture, Texture)>,
 }
 
-impl DirectLight {
-    /// Compiles the passes.
-    ///
-    /// # Errors
-    /// When a shader does not compile.
-    pub fn new(
-        gpu: &Gpu,
-        library: &Library,
-        frame_layout: &GroupLayout,
-        scene_layout: &GroupLayout,
-        permutations: Permutations,
-    ) -> Result<Self, GpuError> {
+impl Pass for DirectLight {
+    type Key = Permutations;
+
+    fn compile(kit: &Kit, &permutations: &Permutations) -> Result<Self, GpuError> {
+        let Kit { gpu, library, frame_layout, scene_layout } = kit;
         let shared = &[frame_layout, scene_layout];
         let constants = permutations.constants(gpu);
         let float_maps = permutations.shadow.float_maps;
@@ -98,7 +93,7 @@ impl DirectLight {
             let shade = shaders::shade(permutations.facts.glows, float_maps);
             let (shade, grid) =
                 parallel::join(|| ComputePipeline::new(gpu, library, &shade, shared, &constants), grid);
-            return Ok(Self { grid: grid?, shading: Shading::Deferred(shade?), permutations, targets: None });
+            return Ok(Self { grid: grid?, shading: Shading::Deferred(shade?), permutations });
         };
         let target = [wgpu::ColorTargetState {
             format: TextureFormat::Rgba16Float,
@@ -145,92 +140,65 @@ impl DirectLight {
             grid: grid?,
             shading: Shading::Forward { kinds: kinds?, background: background? },
             permutations,
-            targets: None,
         })
     }
+}
 
-    /// What the passes were compiled for.
-    pub fn permutations(&self) -> Permutations {
-        self.permutations
-    }
-
-    /// Makes room for a picture size and a light grid, and where materials are unlit for their colour. Not inside a frame.
-    pub fn reserve(
-        &mut self,
+impl DirectLight {
+    /// Room for a picture size and a light grid, and where materials are unlit for their colour: what is there if it serves.
+    /// Not inside a frame.
+    pub fn room<'r>(
+        &self,
         gpu: &Gpu,
         pool: &TexturePool,
         (size, grid): ([u32; 2], [u32; 4]),
         unlit: bool,
-    ) {
-        let forward = self.permutations.forward.is_some();
+        room: &'r mut Option<LightRoom>,
+    ) -> &'r LightRoom {
         let words = grid.iter().map(|&n| u64::from(n)).product();
-        let samples = self.permutations.forward.unwrap_or(1);
-        let fits = |b: &Buffers| {
-            let o = b.radiance.options();
-            let has = b.multisampled.as_ref().map_or(1, |(color, _)| color.options().samples);
-            let has_depth = b.multisampled.is_some() == forward;
-            let is_right = [o.width, o.height] == size && b.unlit.is_some() == unlit;
-            is_right && b.words >= words && has_depth && (!forward || has == samples)
+        let samples = self.permutations.forward;
+        let serves = |room: &LightRoom| {
+            let has = room.radiance.options();
+            let has_samples = room.multisampled.as_ref().map(|(color, _)| color.options().samples);
+            [has.width, has.height] == size
+                && room.unlit.is_some() == unlit
+                && room.words >= words
+                && has_samples == samples
         };
-        if self.targets.as_ref().is_some_and(fits) {
-            return;
-        }
-        let lend = |name, format, usage, samples| {
-            let options = TextureOptions { samples, ..TextureOptions::new(size[0], size[1], format, usage) };
-            pool.lend(gpu, name, Life::Frame, options)
-        };
-        let attachment = TextureUsages::RENDER_ATTACHMENT;
-        let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | attachment;
-        self.targets = Some(Buffers {
-            radiance: lend("radiance", TextureFormat::Rgba16Float, usage, 1),
-            unlit: unlit.then(|| lend("unlit", TextureFormat::Rgba16Float, usage, 1)),
-            light_grid: Buffer::new(gpu, "light_grid", Life::Frame, 4 * words, BufferUsages::STORAGE),
-            words,
-            multisampled: forward.then(|| {
-                (
-                    lend("forward_color", TextureFormat::Rgba16Float, attachment, samples),
-                    lend("forward_depth", TextureFormat::Depth32Float, attachment, samples),
-                )
-            }),
-        });
-    }
-
-    // Frames are recorded after `reserve`, which fills the targets: no frame without it is a mistake of the caller's code.
-    fn targets(&self) -> &Buffers {
-        match &self.targets {
-            Some(targets) => targets,
-            None => panic!("direct: no room reserved"),
-        }
+        chiaro_gpu::keep(room, serves, || {
+            let lend = |name, format, usage, samples| {
+                let options =
+                    TextureOptions { samples, ..TextureOptions::new(size[0], size[1], format, usage) };
+                pool.lend(gpu, name, Life::Frame, options)
+            };
+            let attachment = TextureUsages::RENDER_ATTACHMENT;
+            let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | attachment;
+            LightRoom {
+                radiance: lend("radiance", TextureFormat::Rgba16Float, usage, 1),
+                unlit: unlit.then(|| lend("unlit", TextureFormat::Rgba16Float, usage, 1)),
+                light_grid: Buffer::new(gpu, "light_grid", Life::Frame, 4 * words, BufferUsages::STORAGE),
+                words,
+                multisampled: samples.map(|samples| {
+                    (
+                        lend("forward_color", TextureFormat::Rgba16Float, attachment, samples),
+                        lend("forward_depth", TextureFormat::Depth32Float, attachment, samples),
+                    )
+                }),
+            }
+        })
     }
 
     /// Finds the lights of every froxel.
-    pub fn record_grid(&self, frame: &mut Frame<'_>, frame_group: &Group) -> Buffer {
-        let targets = self.targets();
-        let lanes = targets.words.div_ceil(64) as u32;
+    pub fn record_grid(&self, frame: &mut Frame<'_>, frame_group: &Group, room: &LightRoom) -> Buffer {
+        let lanes = room.words.div_ceil(64) as u32;
         frame.compute(
             "direct/light_grid",
             &self.grid,
             &[frame_group],
-            &[("light_grid", (&targets.light_grid).into())],
+            &[("light_grid", (&room.light_grid).into())],
             Dispatch::Groups([lanes.min(32_768), lanes.div_ceil(32_768), 1]),
         );
-        targets.light_grid.clone()
-    }
-
-    /// Where light is rendered to, Rgba16Float.
-    ///
-    /// # Panics
-    /// When [`DirectLight::reserve`] was not called, as all that records.
-    pub fn radiance(&self) -> &Texture {
-        &self.targets().radiance
-    }
-
-    /// Where the colour of unlit materials is rendered to, Rgba16Float, if there was asked for room.
-    ///
-    /// # Panics
-    /// When [`DirectLight::reserve`] was not called, as all that records.
-    pub fn unlit(&self) -> Option<&Texture> {
-        self.targets().unlit.as_ref()
+        room.light_grid.clone()
     }
 
     /// Deferred: radiance from the surface buffer.
@@ -259,7 +227,7 @@ impl DirectLight {
         frame.compute("direct/shade", pipeline, &[frame_group], &binds, threads);
     }
 
-    /// Forward: radiance from the camera's draw list; `sky` in stored units, `None` draws the environment.
+    /// Forward: radiance from the camera's draw list, view 0; `sky` in stored units, `None` draws the environment.
     ///
     /// # Panics
     /// When compiled for the deferred pipeline.
@@ -267,14 +235,13 @@ impl DirectLight {
         &self,
         frame: &mut Frame<'_>,
         (frame_group, scene): (&Group, &SceneGpu),
-        lists: &DrawLists,
+        (lists, room): (&DrawLists, &LightRoom),
         (shadows, light_grid): (&ShadowOutputs, &Buffer),
         sky: Option<wgpu::Color>,
         radiance: &Texture,
     ) {
-        let targets = self.targets();
         let (Some((color, depth)), Shading::Forward { kinds, background }) =
-            (&targets.multisampled, &self.shading)
+            (&room.multisampled, &self.shading)
         else {
             panic!("direct: compiled for the deferred pipeline")
         };

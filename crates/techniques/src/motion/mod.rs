@@ -23,17 +23,17 @@ mod bounds;
 pub(crate) mod rest;
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use bytemuck::{Pod, Zeroable};
-use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
-use chiaro_gpu::{Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life};
+use chiaro_gpu::{Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life, parallel};
 use chiaro_scene as cs;
 use glam::{Affine3A, DVec3, Vec3};
 
-use crate::shaders;
 use crate::surface::SceneGpu;
 use crate::surface::scene::{InstanceData, bending_instance_data, instance_data};
+use crate::{Kit, Pass, shaders};
 pub(crate) use bounds::Mover;
 use rest::Rest;
 
@@ -105,6 +105,7 @@ pub struct SceneMotion {
     generation: u64,
     bounds: Vec<(Vec3, Vec3)>,
     bounds_before: Vec<(Vec3, Vec3)>,
+    done: Mutex<Done>,
 }
 
 #[derive(Debug)]
@@ -203,6 +204,7 @@ impl MotionBuilder {
             generation: 0,
             bounds: Vec::new(),
             bounds_before: Vec::new(),
+            done: Mutex::default(),
         };
         motion.set(scene, &scene.pose(0.0));
         motion.bounds_before.clone_from(&motion.bounds);
@@ -313,37 +315,45 @@ fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
     std::array::from_fn(|row| [x[row], y[row], z[row], t[row]])
 }
 
-/// The passes, and which pose they have carried out.
+/// The passes.
 #[derive(Debug)]
 pub struct Motion {
     instances: ComputePipeline,
     deform: ComputePipeline,
-    // Scene and generation in force, and whether the poses before are those too.
-    done: (u64, u64, bool),
+}
+
+/// Which pose the passes carried out, and in which frame; and whether the poses before are those too.
+#[derive(Debug, Default)]
+struct Done {
+    generation: Option<u64>,
+    frame: u64,
+    settled: bool,
+}
+
+impl Pass for Motion {
+    type Key = ();
+
+    fn compile(kit: &Kit, (): &()) -> Result<Self, GpuError> {
+        let make = |entry| ComputePipeline::new(&kit.gpu, &kit.library, &shaders::plain(entry), &[], &[]);
+        let (instances, deform) =
+            parallel::join(|| make("motion/instances.cs.wesl"), || make("motion/deform.cs.wesl"));
+        Ok(Self { instances: instances?, deform: deform? })
+    }
 }
 
 impl Motion {
-    /// Compiles the passes.
-    ///
-    /// # Errors
-    /// When a shader does not compile.
-    pub fn new(gpu: &Gpu, library: &Library) -> Result<Self, GpuError> {
-        let make = |entry| ComputePipeline::new(gpu, library, &shaders::plain(entry), &[], &[]);
-        Ok(Self {
-            instances: make("motion/instances.cs.wesl")?,
-            deform: make("motion/deform.cs.wesl")?,
-            done: (0, 0, true),
-        })
-    }
-
-    /// Carries out the scene's pose if it is new, and in the frame after lets the previous pose catch up.
-    pub fn record(&mut self, frame: &mut Frame<'_>, scene: &SceneGpu) {
+    /// Carries out the scene's pose if it is new, and in the frame after lets the previous pose catch up. However many views
+    /// of the scene a frame renders, it moves once.
+    pub fn record(&self, frame: &mut Frame<'_>, scene: &SceneGpu) {
         let motion = &scene.motion;
-        let rests = (self.done.0, self.done.1) == (scene.id(), motion.generation);
-        if rests && self.done.2 {
-            return;
+        {
+            let mut done = motion.done.lock().unwrap_or_else(PoisonError::into_inner);
+            let rests = done.generation == Some(motion.generation);
+            if rests && (done.settled || done.frame == frame.id()) {
+                return;
+            }
+            *done = Done { generation: Some(motion.generation), frame: frame.id(), settled: rests };
         }
-        self.done = (scene.id(), motion.generation, rests);
         let buffers = &motion.buffers;
         if !motion.moves.is_empty() {
             frame.upload(&buffers.moves, &motion.moves);

@@ -15,12 +15,11 @@ use glam::{Mat3, Mat4, Vec2, Vec3};
 
 use super::casters::Shadowed;
 use super::project::{corners, light_axes, reversed_orthographic, slack};
-use super::record::DrawView;
 use super::views::{Maker, ShadowView, ShadowViews};
 use super::{CameraView, CascadeSelect, Fit, FitInputs, Representation};
 use crate::shaders;
 use crate::shared::frame::{LightData, ShadowViewData};
-use crate::surface::culling::{CullView, Hole, Over};
+use crate::surface::view::{Hole, ViewData};
 
 /// Radii are rounded up to these parts of an octave, so that rounding errors do not move edges.
 const RADIUS_STEPS: f32 = 32.0;
@@ -264,97 +263,83 @@ const BOUNDS_TILE: [u32; 2] = [16, 64];
 pub(super) struct Fitter {
     bounds: ComputePipeline,
     fit: ComputePipeline,
-    depth_bounds: Buffer,
-    suns: Buffer,
-    views: Option<FittedViews>,
 }
 
+/// What is fitted.
 #[derive(Debug)]
-struct FittedViews {
+pub(super) struct FitRoom {
     count: usize,
+    depth_bounds: Buffer,
+    suns: Buffer,
     frustum: Buffer,
     views: Buffer,
-    draws: Buffer,
-    culls: Buffer,
+    /// [`ViewData`] of all layers, of which those of suns are fitted.
+    pub draws: Buffer,
+}
+
+impl FitRoom {
+    /// Whether it serves so many views.
+    pub fn serves(&self, count: usize) -> bool {
+        self.count >= count
+    }
 }
 
 impl Fitter {
     pub fn new(gpu: &Gpu, library: &Library, frame_layout: &GroupLayout) -> Result<Self, GpuError> {
         let make = |entry| ComputePipeline::new(gpu, library, &shaders::plain(entry), &[frame_layout], &[]);
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-        Ok(Self {
-            bounds: make("shadow/depth_bounds.cs.wesl")?,
-            fit: make("shadow/fit.cs.wesl")?,
-            depth_bounds: Buffer::new(gpu, "depth_bounds", Life::Frame, 8, usage),
-            suns: Buffer::new(gpu, "sun_fits", Life::Frame, MAX_SUNS * size_of::<SunFit>() as u64, usage),
-            views: None,
-        })
+        Ok(Self { bounds: make("shadow/depth_bounds.cs.wesl")?, fit: make("shadow/fit.cs.wesl")? })
     }
 
-    /// Makes room for so many views. What was fitted is lost.
-    pub fn reserve(&mut self, gpu: &Gpu, count: usize) {
-        if self.views.as_ref().is_some_and(|views| views.count >= count) {
-            return;
-        }
+    /// Room for so many views.
+    pub fn room(&self, gpu: &Gpu, count: usize) -> FitRoom {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        let make =
-            |name, each: usize| Buffer::new(gpu, name, Life::Kept, (count.max(1) * each) as u64, usage);
-        self.views = Some(FittedViews {
+        let make = |name, life, bytes: u64| Buffer::new(gpu, name, life, bytes, usage);
+        let kept = |name, each: usize| make(name, Life::Kept, (count.max(1) * each) as u64);
+        FitRoom {
             count,
-            frustum: make("frustum_views", size_of::<ShadowViewData>()),
-            views: make("fitted_views", size_of::<ShadowViewData>()),
-            draws: make("fitted_draws", size_of::<DrawView>()),
-            culls: make("fitted_culls", size_of::<CullView>()),
-        });
+            depth_bounds: make("depth_bounds", Life::Frame, 8),
+            suns: make("sun_fits", Life::Frame, MAX_SUNS * size_of::<SunFit>() as u64),
+            frustum: kept("frustum_views", size_of::<ShadowViewData>()),
+            views: kept("fitted_views", size_of::<ShadowViewData>()),
+            draws: kept("fitted_draws", size_of::<ViewData>()),
+        }
     }
 
-    /// Measures the picture's depths and fits all cascades to them.
-    pub fn record(&self, frame: &mut Frame<'_>, group: &Group, views: &ShadowViews, depth: &Texture) {
-        let Some(room) = &self.views else { return };
+    /// Measures the picture's depths and fits all cascades to them. `draws`: the views as the frustum would have them drawn.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        group: &Group,
+        (views, draws): (&ShadowViews, &[ViewData]),
+        depth: &Texture,
+        room: &FitRoom,
+    ) {
         let data: Vec<_> = views.views.iter().map(|view| view.data).collect();
         frame.upload(&room.frustum, &data);
-        frame.upload(&self.suns, &views.fitted);
-        frame.clear(&self.depth_bounds);
+        frame.upload(&room.draws, draws);
+        frame.upload(&room.suns, &views.fitted);
+        frame.clear(&room.depth_bounds);
         let options = depth.options();
         let tiles = [options.width.div_ceil(BOUNDS_TILE[0]), options.height.div_ceil(BOUNDS_TILE[1]), 1];
-        let binds = [("depth", depth.into()), ("depth_bounds", (&self.depth_bounds).into())];
+        let binds = [("depth", depth.into()), ("depth_bounds", (&room.depth_bounds).into())];
         frame.compute("shadow/depth_bounds", &self.bounds, &[group], &binds, Dispatch::Groups(tiles));
         let binds = [
-            ("suns", (&self.suns).into()),
+            ("suns", (&room.suns).into()),
             ("frustum_views", (&room.frustum).into()),
-            ("depth_bounds", (&self.depth_bounds).into()),
+            ("depth_bounds", (&room.depth_bounds).into()),
             ("fitted_views", (&room.views).into()),
             ("fitted_draws", (&room.draws).into()),
-            ("fitted_culls", (&room.culls).into()),
         ];
         let suns = Dispatch::Groups([views.fitted.len() as u32, 1, 1]);
         frame.compute("shadow/fit", &self.fit, &[], &binds, suns);
     }
 
-    /// Puts fitted views in the place of the frustum's.
-    pub fn take(&self, frame: &mut Frame<'_>, suns: &[SunFit], (views, draws): (&Buffer, &Buffer)) {
-        let Some(room) = &self.views else { return };
+    /// Puts fitted views in the place of the frustum's, among those that are looked up.
+    pub fn take(&self, frame: &mut Frame<'_>, suns: &[SunFit], lighting: &Buffer, room: &FitRoom) {
+        let each = size_of::<ShadowViewData>() as u64;
         for sun in suns {
-            let range =
-                |each: usize| (u64::from(sun.first_view) * each as u64, u64::from(sun.count) * each as u64);
-            let (at, size) = range(size_of::<ShadowViewData>());
-            frame.copy((&room.views, at), (views, at), size);
-            let (at, size) = range(size_of::<DrawView>());
-            // Only the matrix is fitted; the rest of a parallel view's is not used.
-            frame.copy((&room.draws, at), (draws, at), size);
+            let at = u64::from(sun.first_view) * each;
+            frame.copy((&room.views, at), (lighting, at), u64::from(sun.count) * each);
         }
-    }
-
-    /// Which of the views culled together are fitted.
-    pub fn culls<'a>(&'a self, suns: &[SunFit], layers: &[u32]) -> Vec<Over<'a>> {
-        let Some(room) = &self.views else { return Vec::new() };
-        let over = |(index, &layer): (usize, &u32)| {
-            suns.iter().any(|sun| sun.holds(layer)).then_some(Over {
-                views: &room.culls,
-                from: layer as usize,
-                to: index,
-            })
-        };
-        layers.iter().enumerate().filter_map(over).collect()
     }
 }

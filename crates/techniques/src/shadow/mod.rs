@@ -30,7 +30,7 @@ mod tint;
 mod views;
 
 pub use casters::Casters;
-pub use record::{DrawView, ShadowMaps, ShadowOutputs};
+pub use record::{ShadowInputs, ShadowKey, ShadowMaps, ShadowOutputs, ShadowPlan, ShadowRoom};
 pub use settings::{
     CascadeSelect, Darkens, Filter, Fit, Layout, PcfKernel, PointLayout, Representation, ShadowSettings,
     Sigma, Splits,

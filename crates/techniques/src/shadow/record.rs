@@ -1,25 +1,27 @@
 //! The shadow map passes.
 
-use bytemuck::{Pod, Zeroable};
-use chiaro_gpu::shader::Library;
-use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Bind, Binding, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
+    Bind, DepthAttachment, Frame, Gpu, GpuError, Group, History, Life, RenderPipeline,
     RenderPipelineOptions, Targets, Texture, TextureOptions, parallel,
 };
 use glam::Vec4Swizzles;
 
-use super::cascades::Fitter;
-use super::moments::{MomentOutputs, Moments};
+use super::cascades::{FitRoom, Fitter};
+use super::moments::{MomentKey, MomentOutputs, MomentRoom, Moments};
 use super::tint::{Tint, TintMaps};
 use super::views::{ShadowView, ShadowViews};
 use super::{Fit, PointLayout, ShadowSettings};
-use crate::shaders;
-use crate::shared::frame::ShadowViewData;
-use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, Kinds, draw_classes, kinds};
-use crate::surface::raster::{ComputeRaster, Draws, MatrixOver, RasterView};
+use crate::shared::frame::{FrameGroup, ShadowViewData};
+use crate::surface::culling::{Culling, DEPTH_COMPARE, DrawLists, Kinds, ListRoom, draw_classes, kinds};
+use crate::surface::raster::{ComputeRaster, Draws, RasterRoom};
 use crate::surface::scene::{CLASSES, OPAQUE};
+use crate::surface::view::{ViewData, ViewTable};
 use crate::surface::{SceneFacts, SceneGpu};
+use crate::{Kit, Pass, shaders};
 
 /// What [`ShadowMaps::record`] writes.
 #[derive(Clone, Debug)]
@@ -72,77 +74,127 @@ impl ShadowOutputs {
     }
 }
 
-/// See `draw_view.wesl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[allow(missing_docs)]
-pub struct DrawView {
-    pub clip_from_ws: [[f32; 4]; 4],
-    pub near_m: f32,
-    pub share: f32,
-    pub resolution: f32,
-    pub reserved: f32,
-    pub padding: [[f32; 4]; 11],
-}
-
-const DRAW_VIEW_BYTES: u64 = size_of::<DrawView>() as u64;
-
-impl DrawView {
-    fn of(view: &ShadowView) -> Self {
-        let side = view.resolution as f32;
-        Self {
-            clip_from_ws: view.clip_from_ws.to_cols_array_2d(),
-            near_m: view.data.near_m,
-            share: 1.0 - 2.0 * view.data.border / side,
-            resolution: side,
-            reserved: 0.0,
-            padding: Zeroable::zeroed(),
-        }
-    }
-}
-
 /// The shadow map passes.
 #[derive(Debug)]
 pub struct ShadowMaps {
-    culling: Culling,
     pipelines: Kinds,
     paraboloid: Option<Kinds>,
     fitter: Option<Fitter>,
     tint: Option<Tint>,
     moments: Moments,
     raster: Option<ComputeRaster>,
-    anisotropy: u32,
-    outputs: ShadowOutputs,
-    draw_views: Buffer,
-    capacity: usize,
-    // What lies in the maps: the views they were rendered for, the scene, and which of its poses.
-    rendered: (u64, ShadowViews),
-    pose: u64,
-    keeps: bool,
-    cull_front: bool,
     facts: SceneFacts,
+    // What these passes drew, others need not have drawn alike.
+    id: u64,
 }
 
-impl ShadowMaps {
-    /// Compiles the passes.
-    ///
-    /// # Errors
-    /// When a shader does not compile.
-    pub fn new(
-        gpu: &Gpu,
-        library: &Library,
-        frame_layout: &GroupLayout,
-        scene_layout: &GroupLayout,
-        settings: &ShadowSettings,
-        facts: SceneFacts,
-    ) -> Result<Self, GpuError> {
+static NEXT_ID: AtomicU64 = AtomicU64::new(1);
+
+/// Maps of one size and number, and what lies in them.
+#[derive(Debug)]
+pub struct ShadowRoom {
+    outputs: ShadowOutputs,
+    moments: MomentRoom,
+    raster: Option<RasterRoom>,
+    fit: Option<FitRoom>,
+    // For views that are not culled with the camera.
+    lists: Option<ListRoom>,
+    // By passes and scene.
+    rendered: History<[u64; 2], Rendered>,
+}
+
+/// What lies in maps: the views that they were rendered for, and the pose.
+#[derive(Debug)]
+struct Rendered {
+    views: ShadowViews,
+    pose: u64,
+}
+
+/// Which maps a frame renders: by layer, those first whose views are known before it begins.
+#[derive(Clone, Debug, Default)]
+pub struct ShadowPlan {
+    layers: Vec<u32>,
+    known: usize,
+    views: Vec<ViewData>,
+}
+
+impl ShadowPlan {
+    /// The views to draw that are known when the frame begins, and those that are fitted in it.
+    pub fn views(&self) -> (&[ViewData], &[ViewData]) {
+        self.views.split_at(self.known)
+    }
+}
+
+/// What [`ShadowMaps::record`] draws.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadowInputs<'a> {
+    /// Geometry and materials.
+    pub scene: &'a SceneGpu,
+    /// All views of the lights.
+    pub views: &'a ShadowViews,
+    /// Those to be drawn.
+    pub plan: &'a ShadowPlan,
+    /// Where the plan's views stand, from number `first` on.
+    pub table: &'a ViewTable,
+    /// See `table`.
+    pub first: u32,
+    /// What was culled with the table's first batch.
+    pub lists: &'a DrawLists,
+    /// Culls the other batches.
+    pub culling: &'a Culling,
+    /// The picture's, for cascades that are fitted to it.
+    pub depth: Option<&'a Texture>,
+    /// How.
+    pub settings: &'a ShadowSettings,
+}
+
+/// What [`ShadowMaps`] are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShadowKey {
+    facts: SceneFacts,
+    cull_front: bool,
+    computes: bool,
+    moments: MomentKey,
+    tint: bool,
+    paraboloids: bool,
+    fits: bool,
+}
+
+impl ShadowKey {
+    /// What settings that leave nothing to the adapter ask for.
+    pub fn new(settings: &ShadowSettings, facts: SceneFacts) -> Self {
+        let computes = settings.computes_maps();
+        Self {
+            facts,
+            cull_front: settings.bias_cull_front,
+            computes,
+            moments: MomentKey::new(settings, computes),
+            tint: settings.transmission_tint,
+            paraboloids: settings.point_layout == PointLayout::Paraboloid,
+            fits: settings.fit == Fit::Depth,
+        }
+    }
+}
+
+impl Pass for ShadowMaps {
+    type Key = ShadowKey;
+
+    fn serves(has: &ShadowKey, wanted: &ShadowKey) -> bool {
+        // What can do more stays.
+        let (paraboloids, fits) = (has.paraboloids | wanted.paraboloids, has.fits | wanted.fits);
+        *has == ShadowKey { paraboloids, fits, ..*wanted }
+    }
+
+    fn compile(kit: &Kit, key: &ShadowKey) -> Result<Self, GpuError> {
+        let Kit { gpu, library, frame_layout, scene_layout } = kit;
+        let ShadowKey { facts, cull_front, computes, .. } = *key;
         let materials = facts.constants();
         let shared = &[frame_layout, scene_layout];
         let pipeline = |class: usize| {
             let masked = class & 2 != 0;
             let options = RenderPipelineOptions {
                 depth: Some((TextureFormat::Depth32Float, DEPTH_COMPARE)),
-                cull: settings.bias_cull_front.then_some(wgpu::Face::Front),
+                cull: cull_front.then_some(wgpu::Face::Front),
                 unclipped_depth: gpu.optional.depth_clip_control,
                 constants: if masked { &materials } else { &[] },
                 ..Default::default()
@@ -156,133 +208,118 @@ impl ShadowMaps {
                 constants: if masked { &materials } else { &[] },
                 ..Default::default()
             };
-            let entry = shaders::shadow_paraboloid(masked, settings.bias_cull_front);
+            let entry = shaders::shadow_paraboloid(masked, cull_front);
             RenderPipeline::new(gpu, library, &entry, shared, &options)
         };
         // What is see-through casts, too.
         let drawn = facts.draws(0..CLASSES);
-        let computed = settings.computes_maps();
-        let paraboloid = || {
-            (settings.point_layout == PointLayout::Paraboloid).then(|| kinds(drawn, paraboloid)).transpose()
-        };
+        let paraboloid = || key.paraboloids.then(|| kinds(drawn, paraboloid)).transpose();
         let raster = || {
-            let draws = Draws::Depth { cull_front: settings.bias_cull_front };
-            computed.then(|| ComputeRaster::new(gpu, library, scene_layout, facts, draws)).transpose()
+            let draws = Draws::Depth { cull_front };
+            computes.then(|| ComputeRaster::new(gpu, library, scene_layout, facts, draws)).transpose()
         };
-        let fitter =
-            || (settings.fit == Fit::Depth).then(|| Fitter::new(gpu, library, frame_layout)).transpose();
-        let tint = || settings.transmission_tint.then(|| Tint::new(gpu, library, shared, facts)).transpose();
-        let moments = || Moments::new(gpu, library, frame_layout, settings, computed);
-        let culling = || Culling::new(gpu, library, scene_layout);
-        let (((pipelines, paraboloid), (raster, fitter)), ((tint, moments), culling)) = parallel::join(
-            || {
-                parallel::join(
-                    || parallel::join(|| kinds(drawn, pipeline), paraboloid),
-                    || parallel::join(raster, fitter),
-                )
-            },
-            || parallel::join(|| parallel::join(tint, moments), culling),
+        let fitter = || key.fits.then(|| Fitter::new(gpu, library, frame_layout)).transpose();
+        let tint = || key.tint.then(|| Tint::new(gpu, library, shared, facts)).transpose();
+        let moments = || Moments::compile(kit, &key.moments);
+        let ((pipelines, paraboloid), ((raster, fitter), (tint, moments))) = parallel::join(
+            || parallel::join(|| kinds(drawn, pipeline), paraboloid),
+            || parallel::join(|| parallel::join(raster, fitter), || parallel::join(tint, moments)),
         );
-        let moments = moments?;
-        let outputs = ShadowOutputs {
-            maps: maps(gpu, 1, 1, computed),
-            moments: moments.outputs(),
-            ..ShadowOutputs::new(gpu, 1, 1)
-        };
         Ok(Self {
             tint: tint?,
-            moments,
-            culling: culling?,
+            moments: moments?,
             pipelines: pipelines?,
             paraboloid: paraboloid?,
             fitter: fitter?,
             raster: raster?,
-            anisotropy: 1,
-            outputs,
-            draw_views: draw_views(gpu, 1),
-            capacity: 1,
-            rendered: (0, ShadowViews::default()),
-            pose: 0,
-            keeps: true,
-            cull_front: settings.bias_cull_front,
             facts,
+            id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
         })
     }
+}
 
-    /// Whether these passes serve `settings` without being made again.
-    pub fn serves(&self, settings: &ShadowSettings, facts: SceneFacts) -> bool {
-        self.cull_front == settings.bias_cull_front
-            && self.facts == facts
-            && self.raster.is_some() == settings.computes_maps()
-            && self.moments.serves(settings, settings.computes_maps())
-            && self.tint.is_some() == settings.transmission_tint
-            && (self.paraboloid.is_some() || settings.point_layout != PointLayout::Paraboloid)
-            && (self.fitter.is_some() || settings.fit != Fit::Depth)
-    }
-
-    /// Makes room for so many views. Not inside a frame. `anisotropy`: most taps of a masked caster's texture.
-    ///
-    /// # Panics
-    /// When the passes were compiled for less than the scene needs.
-    pub fn reserve(
-        &mut self,
+impl ShadowMaps {
+    /// Room for the maps of so many views: what is there if it serves. Not inside a frame.
+    pub fn room<'r>(
+        &self,
         gpu: &Gpu,
         scene: &SceneGpu,
         views: &ShadowViews,
         settings: &ShadowSettings,
-        anisotropy: u32,
-    ) {
-        assert!(self.facts.serve(scene.facts), "shadow: compiled for another scene: {:?}", self.facts);
-        self.anisotropy = anisotropy;
-        let keeps = settings.cache;
-        let views = &views.views;
-        self.culling.reserve(gpu, scene, views.len());
-        let resolution = views.first().map_or(1, |view| view.resolution);
-        let layers = views.len().max(1) as u32;
-        let options = self.outputs.maps.options();
-        if options.width != resolution || options.layers != Some(layers) {
-            self.outputs.maps = maps(gpu, resolution, layers, self.raster.is_some());
-            self.rendered.1 = ShadowViews::default();
-        }
-        self.moments.reserve(gpu, settings, resolution, layers);
+        room: &'r mut Option<ShadowRoom>,
+    ) -> &'r mut ShadowRoom {
+        let resolution = views.views.first().map_or(1, |view| view.resolution);
+        let layers = views.views.len().max(1) as u32;
+        let computed = self.raster.is_some();
         let tinted = if self.tint.is_some() { [resolution, layers] } else { [1, 1] };
-        let has = self.outputs.tint.tint.options();
-        if [has.width, has.layers.unwrap_or(1)] != tinted {
-            self.outputs.tint = TintMaps::new(gpu, tinted[0], tinted[1]);
-            self.rendered.1 = ShadowViews::default();
+        let serves = |room: &ShadowRoom| {
+            let [maps, tint] =
+                [&room.outputs.maps, &room.outputs.tint.tint].map(|maps| *maps.options());
+            [maps.width, maps.layers.unwrap_or(1)] == [resolution, layers]
+                && (maps.format == TextureFormat::R32Float) == computed
+                && [tint.width, tint.layers.unwrap_or(1)] == tinted
+                && self.moments.fits(&room.moments, settings, resolution, layers)
+        };
+        let room = chiaro_gpu::keep(room, serves, || {
+            let moments = self.moments.room(gpu, settings, resolution, layers);
+            ShadowRoom {
+                outputs: ShadowOutputs {
+                    maps: maps(gpu, resolution, layers, computed),
+                    moments: moments.outputs(),
+                    tint: TintMaps::new(gpu, tinted[0], tinted[1]),
+                    ..ShadowOutputs::new(gpu, 1, 1)
+                },
+                moments,
+                raster: None,
+                fit: None,
+                lists: None,
+                rendered: History::default(),
+            }
+        });
+        if !settings.cache {
+            room.rendered.cut();
         }
-        if self.rendered.0 != scene.id() || !keeps {
-            self.rendered = (scene.id(), ShadowViews::default());
+        let drawn = views.views.len();
+        if let Some(raster) = self.raster.as_ref().filter(|_| drawn > 0) {
+            let size = [resolution; 2];
+            let at_once = ComputeRaster::views_at_once(gpu, size).min(drawn).max(1);
+            let serves = |room: &RasterRoom| room.serves(size, at_once);
+            chiaro_gpu::keep(&mut room.raster, serves, || raster.room(gpu, size, at_once));
         }
-        self.keeps = keeps;
-        if views.len() > self.capacity {
-            self.capacity = views.len();
-            self.draw_views = draw_views(gpu, self.capacity);
+        if let Some(fitter) = &self.fitter {
+            let serves = |room: &FitRoom| room.serves(drawn);
+            chiaro_gpu::keep(&mut room.fit, serves, || fitter.room(gpu, drawn));
         }
-        let at_once = self.views_at_once(gpu, scene, resolution).min(views.len());
-        if let Some(raster) = self.raster.as_mut().filter(|_| !views.is_empty()) {
-            raster.reserve(gpu, [resolution; 2], at_once);
-        }
-        if let Some(fitter) = &mut self.fitter {
-            fitter.reserve(gpu, views.len());
-        }
-    }
-
-    fn views_at_once(&self, gpu: &Gpu, scene: &SceneGpu, resolution: u32) -> usize {
+        // One batch goes with the camera's view.
         let culled = Culling::views_at_once(gpu, scene);
-        match &self.raster {
-            Some(_) => culled.min(ComputeRaster::views_at_once(gpu, [resolution; 2])).max(1),
-            None => culled,
+        if drawn >= culled || !views.fitted.is_empty() {
+            let culled = drawn.min(culled);
+            let serves = |room: &ListRoom| room.serves(scene, culled);
+            chiaro_gpu::keep(&mut room.lists, serves, || ListRoom::new(gpu, scene, culled));
         }
+        room
     }
 
-    /// Layers of the views that moved since they were rendered last, and of those that see something that did.
-    fn moved(&self, scene: &SceneGpu, views: &ShadowViews, keeps_near: bool) -> Vec<u32> {
-        let (rendered, poses) = (&self.rendered.1, scene.motion.generation().wrapping_sub(self.pose));
+    /// Which maps are to be rendered: of the views that moved since they were rendered last, and of those that see something
+    /// that did. `anisotropy`: most taps of a masked caster's texture.
+    pub fn plan(
+        &self,
+        gpu: &Gpu,
+        scene: &SceneGpu,
+        views: &ShadowViews,
+        room: &ShadowRoom,
+        anisotropy: u32,
+    ) -> ShadowPlan {
+        let draw = |view: &ShadowView| {
+            let clamps = gpu.optional.depth_clip_control;
+            ViewData { anisotropy, ..draw_view(view, clamps) }
+        };
+        let rendered = room.rendered.get(&[self.id, scene.id()]);
+        let poses = rendered.map_or(2, |rendered| scene.motion.generation().wrapping_sub(rendered.pose));
         let casters_moved = |view: &ShadowView| match poses {
             0 => false,
             1 => {
-                let view = cull_view(view, keeps_near);
+                let view = draw(view);
                 scene
                     .motion
                     .moved_bounds_ws()
@@ -291,117 +328,128 @@ impl ShadowMaps {
             _ => true,
         };
         // Whatever moves may change what is in the picture, and with it the fit.
-        let refit = rendered.fitted != views.fitted || poses != 0;
-        let fitted = |layer: u32| views.fitted.iter().any(|sun| sun.holds(layer));
-        (0..)
-            .zip(&views.views)
-            .filter(|(layer, view)| {
-                rendered.views.get(*layer as usize) != Some(*view)
-                    || casters_moved(view)
-                    || refit && fitted(*layer)
-            })
-            .map(|(layer, _)| layer)
-            .collect()
+        let refit = poses != 0 || rendered.is_none_or(|rendered| rendered.views.fitted != views.fitted);
+        let is_fitted = |layer: u32| views.fitted.iter().any(|sun| sun.holds(layer));
+        let moved = (0..).zip(&views.views).filter(|&(layer, view)| {
+            rendered.is_none_or(|rendered| rendered.views.views.get(layer as usize) != Some(view))
+                || casters_moved(view)
+                || refit && is_fitted(layer)
+        });
+        let (fitted, known): (Vec<u32>, Vec<u32>) =
+            moved.map(|(layer, _)| layer).partition(|&layer| is_fitted(layer));
+        let layers = [&known[..], &fitted].concat();
+        let views = layers.iter().map(|&layer| draw(&views.views[layer as usize])).collect();
+        ShadowPlan { layers, known: known.len(), views }
     }
 
-    /// Renders the maps of views that moved since they were rendered last, and of those that see something that did.
-    /// `frame_views` is group 0's buffer of views. Cascades that are fitted to the picture need its `depth`.
+    /// Renders the maps that were planned.
     pub fn record(
-        &mut self,
+        &self,
         frame: &mut Frame<'_>,
-        (frame_group, frame_views): (&Group, &Buffer),
-        scene: &SceneGpu,
-        views: &ShadowViews,
-        depth: Option<&Texture>,
-        settings: &ShadowSettings,
+        group: &FrameGroup,
+        inputs: &ShadowInputs<'_>,
+        room: &mut ShadowRoom,
     ) -> ShadowOutputs {
-        let keeps_near = frame.gpu().optional.depth_clip_control;
-        let moved = self.moved(scene, views, keeps_near);
-        let draws: Vec<_> = views.views.iter().map(DrawView::of).collect();
-        frame.upload(&self.draw_views, &draws);
-        let fitter = self.fitter.as_ref().filter(|_| !views.fitted.is_empty());
-        if let (Some(fitter), Some(depth)) = (fitter, depth) {
-            let first = |sun: &super::cascades::SunFit| moved.contains(&sun.first_view);
-            if views.fitted.iter().any(first) {
-                fitter.record(frame, frame_group, views, depth);
+        let ShadowInputs { scene, views, plan, table, first, settings, .. } = *inputs;
+        debug_assert!(self.facts.serve(scene.facts), "shadow: compiled for another scene");
+        if let (Some(fitter), Some(fit), Some(depth)) = (&self.fitter, &room.fit, inputs.depth)
+            && !views.fitted.is_empty()
+        {
+            let (known, fitted) = plan.views();
+            if !fitted.is_empty() {
+                let clamps = frame.gpu().optional.depth_clip_control;
+                let draws: Vec<_> = views.views.iter().map(|view| draw_view(view, clamps)).collect();
+                fitter.record(frame, group.group(), (views, &draws), depth, fit);
             }
-            fitter.take(frame, &views.fitted, (frame_views, &self.draw_views));
+            fitter.take(frame, &views.fitted, &group.lighting, fit);
+            for (to, &layer) in (first + known.len() as u32..).zip(&plan.layers[known.len()..]) {
+                table.take(frame, (&fit.draws, layer), to);
+            }
         }
-        let resolution = views.views.first().map_or(1, |view| view.resolution);
-        let batch = self.views_at_once(frame.gpu(), scene, resolution);
-        let names = ["shadow/cull_count", "shadow/cull_scan", "shadow/cull_expand"];
-        for chunk in moved.chunks(batch) {
-            let view = |layer: u32| &views.views[layer as usize];
-            let cull_views: Vec<_> = chunk.iter().map(|&layer| cull_view(view(layer), keeps_near)).collect();
-            let fitted = fitter.map(|fitter| fitter.culls(&views.fitted, chunk)).unwrap_or_default();
-            let lists = self.culling.record(frame, names, scene, &cull_views, &fitted);
-            if let Some(raster) = &self.raster {
-                let of = |&layer: &u32| RasterView {
-                    clip_from_ws: view(layer).clip_from_ws,
-                    clip_near: false,
-                    layer,
-                };
-                let raster_views: Vec<_> = chunk.iter().map(of).collect();
-                // What was fitted on the GPU stands in the draw views alone.
-                let is_fitted = |layer: u32| {
-                    let mut suns = views.fitted.iter();
-                    suns.any(|sun| sun.holds(layer))
-                };
-                let over: Vec<_> = (0..)
-                    .zip(chunk)
-                    .filter(|&(_, &layer)| is_fitted(layer))
-                    .map(|(to, &layer)| MatrixOver {
-                        buffer: &self.draw_views,
-                        offset: u64::from(layer) * DRAW_VIEW_BYTES,
-                        to,
-                    })
-                    .collect();
-                let target = &self.outputs.maps;
-                raster.record(frame, scene, &lists, (&raster_views, &over), self.anisotropy, target);
+        for batch in table.batches() {
+            let drawn = batch.start.max(first)..batch.end.min(first + plan.layers.len() as u32);
+            if drawn.is_empty() {
                 continue;
             }
-            for (index, &layer) in chunk.iter().enumerate() {
-                let attachment = DepthAttachment { texture: &self.outputs.maps, layer, clear: Some(0.0) };
-                let targets = Targets { color: &[], depth: Some(attachment) };
-                let offset = u64::from(layer) * DRAW_VIEW_BYTES;
-                let binds = [
-                    ("draw_view", Binding::BufferRange(&self.draw_views, offset, DRAW_VIEW_BYTES)),
-                    ("draw_list", (&lists.list).into()),
-                ];
-                let curved = view(layer).data.projection == ShadowViewData::PARABOLOID;
-                let pipelines = self.paraboloid.as_ref().filter(|_| curved).unwrap_or(&self.pipelines);
-                frame.render("shadow/depth", targets, |pass| {
-                    let shared = &[frame_group, scene.group()];
-                    let classes = if self.tint.is_some() { OPAQUE } else { scene.classes() };
-                    draw_classes(pass, pipelines, classes, shared, &binds, (&lists, index, !curved));
-                });
-                if let Some(tint) = &self.tint {
-                    let shared = &[frame_group, scene.group()];
-                    let target = (&self.outputs.tint, layer);
-                    tint.record(frame, shared, &self.pipelines, target, &binds, (&lists, index));
-                }
-            }
+            let lists = if *batch == inputs.lists.views {
+                inputs.lists.clone()
+            } else if let Some(lists) = &room.lists {
+                inputs.culling.record(frame, scene, table, batch.clone(), lists)
+            } else {
+                unreachable!("there is room for views that are not culled with the camera")
+            };
+            self.record_batch(frame, group.group(), inputs, (&lists, drawn), room);
         }
         if !views.views.is_empty() {
-            let maps = &self.outputs.maps;
-            self.outputs.moments = self.moments.record(frame, frame_group, settings, maps, &moved);
+            let maps = &room.outputs.maps;
+            self.moments.record(frame, group.group(), settings, maps, &plan.layers, &mut room.moments);
         }
-        if self.keeps && (!moved.is_empty() || self.rendered.1 != *views) {
-            self.rendered = (scene.id(), views.clone());
+        if settings.cache {
+            let pose = scene.motion.generation();
+            match room.rendered.get(&[self.id, scene.id()]) {
+                // Most frames of a still scene change nothing.
+                Some(rendered) if plan.layers.is_empty() && rendered.pose == pose => {}
+                _ => room.rendered.keep([self.id, scene.id()], Rendered { views: views.clone(), pose }),
+            }
         }
-        self.pose = scene.motion.generation();
-        self.outputs.clone()
+        room.outputs.clone()
+    }
+
+    fn record_batch(
+        &self,
+        frame: &mut Frame<'_>,
+        frame_group: &Group,
+        inputs: &ShadowInputs<'_>,
+        (lists, drawn): (&DrawLists, Range<u32>),
+        room: &ShadowRoom,
+    ) {
+        let ShadowInputs { scene, views, plan, table, first, .. } = *inputs;
+        let outputs = &room.outputs;
+        if let (Some(raster), Some(raster_room)) = (&self.raster, &room.raster) {
+            raster.record(frame, scene, (table, lists), drawn, raster_room, &outputs.maps);
+            return;
+        }
+        for number in drawn {
+            let layer = plan.layers[(number - first) as usize];
+            let attachment = DepthAttachment { texture: &outputs.maps, layer, clear: Some(0.0) };
+            let targets = Targets { color: &[], depth: Some(attachment) };
+            let binds = [("view", table.view(number)), ("draw_list", (&lists.list).into())];
+            let curved = views.views[layer as usize].data.projection == ShadowViewData::PARABOLOID;
+            let pipelines = self.paraboloid.as_ref().filter(|_| curved).unwrap_or(&self.pipelines);
+            let shared = &[frame_group, scene.group()];
+            frame.render("shadow/depth", targets, |pass| {
+                let classes = if self.tint.is_some() { OPAQUE } else { scene.classes() };
+                draw_classes(pass, pipelines, classes, shared, &binds, (lists, number, !curved));
+            });
+            if let Some(tint) = &self.tint {
+                let target = (&outputs.tint, layer);
+                tint.record(frame, shared, &self.pipelines, target, &binds, (lists, number));
+            }
+        }
     }
 }
 
-fn cull_view(view: &ShadowView, keeps_near: bool) -> CullView {
-    if view.data.projection != ShadowViewData::PARABOLOID {
-        return CullView::new(&view.clip_from_ws, view.eye_ws, false, keeps_near).without(view.hole);
+/// A shadow view as it is drawn. `clamps`: whether the hardware clamps casters before the near plane to it.
+fn draw_view(view: &ShadowView, clamps: bool) -> ViewData {
+    let (data, size_px) = (&view.data, [view.resolution; 2]);
+    let drawn = if data.projection == ShadowViewData::PARABOLOID {
+        // The hemisphere, and a little more for filters: a texel is at most this large an angle.
+        let plane = view.clip_from_ws.row(2);
+        let beyond = 2.0 * data.border * data.texel_m * data.far_m;
+        let plane = plane.xyz().extend(plane.w + beyond);
+        ViewData::of_plane(&view.clip_from_ws, plane, view.eye_ws, size_px)
+    } else {
+        let plain = ViewData::new(&view.clip_from_ws, view.eye_ws, size_px).without(view.hole);
+        if clamps { plain.clamping_near() } else { plain }
+    };
+    ViewData {
+        // Compute clamps without the adapter's help.
+        depth_limit: f32::MAX,
+        near_m: data.near_m,
+        share: 1.0 - 2.0 * data.border / view.resolution as f32,
+        layer: data.layer,
+        ..drawn
     }
-    // The hemisphere, and a little more for filters: a texel is at most this large an angle.
-    let plane = view.clip_from_ws.row(2);
-    let beyond = 2.0 * view.data.border * view.data.texel_m * view.data.far_m;
-    CullView::of_plane(plane.xyz().extend(plane.w + beyond), view.eye_ws)
 }
 
 fn maps(gpu: &Gpu, resolution: u32, layers: u32, computed: bool) -> Texture {
@@ -413,9 +461,4 @@ fn maps(gpu: &Gpu, resolution: u32, layers: u32, computed: bool) -> Texture {
     let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC | written;
     let options = TextureOptions::new(resolution, resolution, format, usage).array(layers);
     Texture::new(gpu, "shadow_maps", Life::Kept, options)
-}
-
-fn draw_views(gpu: &Gpu, views: usize) -> Buffer {
-    let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-    Buffer::new(gpu, "draw_views", Life::Frame, views as u64 * DRAW_VIEW_BYTES, usage)
 }

@@ -88,7 +88,7 @@ impl Tint {
         depth: &Kinds,
         (maps, layer): (&TintMaps, u32),
         binds: &[Bind<'_>],
-        (lists, view): (&DrawLists, usize),
+        (lists, view): (&DrawLists, u32),
     ) {
         let nearest = DepthAttachment { texture: &maps.through, layer, clear: Some(0.0) };
         let targets = Targets { color: &[], depth: Some(nearest) };

@@ -1,10 +1,9 @@
 //! The table of the specular lobe's directional albedo, made once per device by the BRDF's own sampling.
 
-use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{TextureFormat, TextureUsages};
-use chiaro_gpu::{ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life, Texture, TextureOptions};
+use chiaro_gpu::{ComputePipeline, Dispatch, Gpu, GpuError, Life, Recorder, Texture, TextureOptions};
 
-use crate::shaders;
+use crate::{Kit, Pass, shaders};
 
 /// Cosines, as many as the shader's workgroup has lanes.
 const WIDTH: u32 = 64;
@@ -18,14 +17,26 @@ pub fn texture(gpu: &Gpu) -> Texture {
     Texture::new(gpu, "albedo_table", Life::Kept, options)
 }
 
-/// Fills the table.
-///
-/// # Errors
-/// When the shader does not compile.
-pub fn record(frame: &mut Frame<'_>, library: &Library, table: &Texture) -> Result<(), GpuError> {
-    let entry = shaders::plain("shared/albedo_table.cs.wesl");
-    let pipeline = ComputePipeline::new(frame.gpu(), library, &entry, &[], &[])?;
-    let groups = Dispatch::Groups([HEIGHT, 1, 1]);
-    frame.compute("shared/albedo_table", &pipeline, &[], &[("table", table.into())], groups);
-    Ok(())
+/// The filled table, which group 0 holds.
+#[derive(Clone, Debug)]
+pub struct AlbedoTable {
+    /// Rgba32Float; see `albedo_lookup` in `brdf.wesl`.
+    pub texture: Texture,
+}
+
+impl Pass for AlbedoTable {
+    type Key = ();
+
+    /// Compiles the pipeline, and fills the table with it in a frame of its own.
+    fn compile(kit: &Kit, (): &()) -> Result<Self, GpuError> {
+        let entry = shaders::plain("shared/albedo_table.cs.wesl");
+        let pipeline = ComputePipeline::new(&kit.gpu, &kit.library, &entry, &[], &[])?;
+        let texture = texture(&kit.gpu);
+        let mut recorder = Recorder::new(&kit.gpu, false);
+        let mut frame = recorder.begin();
+        let groups = Dispatch::Groups([HEIGHT, 1, 1]);
+        frame.compute("shared/albedo_table", &pipeline, &[], &[("table", (&texture).into())], groups);
+        frame.submit();
+        Ok(Self { texture })
+    }
 }

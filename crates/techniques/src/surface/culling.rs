@@ -1,4 +1,4 @@
-//! Cluster culling per view with compacted draw lists.
+//! Cluster culling of a batch of views with compacted draw lists.
 //!
 //! | step | reads | writes |
 //! | --- | --- | --- |
@@ -12,91 +12,18 @@
 use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
-use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{BufferUsages, CompareFunction, WasmNotSendSync};
 use chiaro_gpu::{
-    Buffer, ComputePipeline, Dispatch, Draw, Frame, Gpu, GpuError, GroupLayout, Life, RenderPass,
+    Buffer, ComputePipeline, Dispatch, Draw, Frame, Gpu, GpuError, Life, RenderPass,
     RenderPipeline, parallel,
 };
-use glam::{Mat4, Vec3, Vec4, Vec4Swizzles};
 
 use super::scene::{CLASSES, KINDS, SceneGpu};
-use crate::shaders;
-
-/// Views of one [`Culling::record`] at most.
-pub const MAX_VIEWS: usize = 64;
+use super::view::{MAX_VIEWS, ViewTable};
+use crate::{Kit, Pass, shaders};
 
 /// Every view keeps reversed depth: 1 near, 0 far.
 pub const DEPTH_COMPARE: CompareFunction = CompareFunction::Greater;
-
-/// A view to cull for.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub struct CullView {
-    pub(crate) planes: [[f32; 4]; 6],
-    pub(crate) eye_ws: [f32; 4],
-    pub(crate) flags: [u32; 4],
-    pub(crate) hole: [[f32; 4]; 2],
-}
-
-/// A prism along parallel rays that another view draws: what lies wholly inside is left to it. Metres from its middle plane
-/// = xyz · position + w, twice, each less than the half side.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hole {
-    /// Across, two ways.
-    pub rows: [Vec4; 2],
-    /// Metres.
-    pub half: f32,
-}
-
-impl CullView {
-    /// A view of reversed depth. With `keep_before_near`, casters between the light and the near plane stay.
-    ///
-    /// `eye_ws`: the eye with w = 1, or the direction of parallel rays with w = 0.
-    pub fn new(clip_from_ws: &Mat4, eye_ws: Vec4, drop_back_faces: bool, keep_before_near: bool) -> Self {
-        let [x, y, z, w] = [0, 1, 2, 3].map(|row| clip_from_ws.row(row));
-        // Gribb & Hartmann 2001: clip-space inequalities as planes. Reversed depth: near is z ≤ w, far is z ≥ 0.
-        let near = if keep_before_near { Vec4::W } else { w - z };
-        let planes = [w + x, w - x, w + y, w - y, z, near].map(|plane| {
-            let length = plane.xyz().length();
-            // An infinite far plane has no normal: nothing is beyond it.
-            if length > 1e-30 { (plane / length).to_array() } else { [0.0, 0.0, 0.0, 1.0] }
-        });
-        Self {
-            planes,
-            eye_ws: eye_ws.to_array(),
-            flags: [u32::from(drop_back_faces), 0, 0, 0],
-            hole: [[0.0; 4]; 2],
-        }
-    }
-
-    /// A view of all on a plane's positive side.
-    pub fn of_plane(plane: Vec4, eye_ws: Vec4) -> Self {
-        let mut planes = [[0.0, 0.0, 0.0, 1.0]; 6];
-        planes[0] = (plane / plane.xyz().length().max(1e-30)).to_array();
-        Self { planes, eye_ws: eye_ws.to_array(), flags: [0; 4], hole: [[0.0; 4]; 2] }
-    }
-
-    /// Leaves out what lies wholly in a hole.
-    #[must_use]
-    pub fn without(mut self, hole: Option<Hole>) -> Self {
-        if let Some(Hole { rows, half }) = hole {
-            self.flags[1] = half.to_bits();
-            self.hole = rows.map(|row| row.to_array());
-        }
-        self
-    }
-
-    /// Whether a sphere may be seen; twin of the shader's test.
-    pub fn sees(&self, center: Vec3, radius: f32) -> bool {
-        let half = f32::from_bits(self.flags[1]);
-        let within = |&[x, y, z, w]: &[f32; 4]| (Vec3::new(x, y, z).dot(center) + w).abs() + radius < half;
-        if self.hole.iter().all(within) {
-            return false;
-        }
-        self.planes.iter().all(|&[x, y, z, w]| Vec3::new(x, y, z).dot(center) + w > -radius)
-    }
-}
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -104,45 +31,29 @@ pub(crate) struct CullClasses {
     pub(crate) first: [u32; CLASSES],
     pub(crate) item_count: u32,
     pub(crate) list_stride: u32,
-    _pad: [u32; 2],
-}
-
-/// A view that the GPU made, to be culled for in the place of one given to [`Culling::record`].
-#[derive(Clone, Copy, Debug)]
-pub struct Over<'a> {
-    /// [`CullView`]s.
-    pub views: &'a Buffer,
-    /// Which of them.
-    pub from: usize,
-    /// The view whose place it takes.
-    pub to: usize,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct CullViews {
-    count: [u32; 4],
-    views: [CullView; MAX_VIEWS],
+    pub(crate) row: u32,
+    _pad: u32,
 }
 
 const ARGUMENT_BYTES: u64 = 20;
-const EXPAND_ROW: u32 = 32_768;
+/// Workgroups a row of dispatches: WebGPU takes 65,535 a dimension. Short, so that scenes of tests have several.
+const ROW: u32 = 1024;
 
-/// The culling passes and their buffers for a number of views.
+/// The culling passes.
 #[derive(Debug)]
 pub struct Culling {
     count: ComputePipeline,
     scan: ComputePipeline,
     expand: ComputePipeline,
-    buffers: Option<Buffers>,
 }
 
+/// What a batch of views is culled into.
 #[derive(Debug)]
-struct Buffers {
-    views: Buffer,
+pub struct ListRoom {
     classes: Buffer,
     offsets: Buffer,
-    lists: DrawLists,
+    list: Buffer,
+    arguments: Buffer,
     view_capacity: usize,
     items: u32,
     triangles: u32,
@@ -155,12 +66,23 @@ pub struct DrawLists {
     pub list: Buffer,
     /// `DrawIndexedIndirect` per (view, class).
     pub arguments: Buffer,
+    /// Which views of the table were culled.
+    pub views: Range<u32>,
 }
 
 impl DrawLists {
+    /// Where a view stands among those that were culled with it.
+    ///
+    /// # Panics
+    /// When it was not: a mistake in the calling pass.
+    pub fn slot(&self, view: u32) -> usize {
+        assert!(self.views.contains(&view), "view {view} was not culled with {:?}", self.views);
+        (view - self.views.start) as usize
+    }
+
     /// Draws one class of a view: indexed by the list, or with vertices that fetch the list themselves.
-    pub fn draw(&self, view: usize, class: usize, indexed: bool) -> Draw<'_> {
-        let offset = (view * CLASSES + class) as u64 * ARGUMENT_BYTES;
+    pub fn draw(&self, view: u32, class: usize, indexed: bool) -> Draw<'_> {
+        let offset = (self.slot(view) * CLASSES + class) as u64 * ARGUMENT_BYTES;
         if indexed {
             Draw::IndexedIndirect { indices: &self.list, arguments: &self.arguments, offset }
         } else {
@@ -169,20 +91,54 @@ impl DrawLists {
     }
 }
 
-impl Culling {
-    /// Compiles the passes.
-    ///
-    /// # Errors
-    /// When a shader does not compile.
-    pub fn new(gpu: &Gpu, library: &Library, scene_layout: &GroupLayout) -> Result<Self, GpuError> {
-        let make = |entry| ComputePipeline::new(gpu, library, &shaders::plain(entry), &[scene_layout], &[]);
+impl ListRoom {
+    /// Room for a scene in so many views, at most [`Culling::views_at_once`]. Not inside a frame.
+    pub fn new(gpu: &Gpu, scene: &SceneGpu, views: usize) -> Self {
+        let views = views.clamp(1, Culling::views_at_once(gpu, scene));
+        let storage = BufferUsages::STORAGE;
+        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let list = 12 * u64::from(scene.triangle_count) * views as u64;
+        // As a uniform its size is that of the shader's array.
+        let arguments = (MAX_VIEWS * CLASSES) as u64 * ARGUMENT_BYTES;
+        let buffer = |name, size, usage| Buffer::new(gpu, name, Life::Frame, size, usage);
+        Self {
+            classes: buffer("cull_classes", size_of::<CullClasses>() as u64, uniform),
+            offsets: buffer("cull_offsets", 4 * u64::from(scene.item_count) * views as u64, storage),
+            list: buffer("draw_list", list, storage | BufferUsages::INDEX),
+            arguments: buffer(
+                "draw_arguments",
+                arguments,
+                storage | BufferUsages::INDIRECT | BufferUsages::UNIFORM,
+            ),
+            view_capacity: views,
+            items: scene.item_count,
+            triangles: scene.triangle_count,
+        }
+    }
+
+    /// Whether it serves so many views of a scene.
+    pub fn serves(&self, scene: &SceneGpu, views: usize) -> bool {
+        self.view_capacity >= views
+            && self.items == scene.item_count
+            && self.triangles == scene.triangle_count
+    }
+}
+
+impl Pass for Culling {
+    type Key = ();
+
+    fn compile(kit: &Kit, (): &()) -> Result<Self, GpuError> {
+        let shared = &[&kit.scene_layout];
+        let make = |entry| ComputePipeline::new(&kit.gpu, &kit.library, &shaders::plain(entry), shared, &[]);
         let (count, (scan, expand)) = parallel::join(
             || make("surface/cull_count.cs.wesl"),
             || parallel::join(|| make("surface/cull_scan.cs.wesl"), || make("surface/cull_expand.cs.wesl")),
         );
-        Ok(Self { count: count?, scan: scan?, expand: expand?, buffers: None })
+        Ok(Self { count: count?, scan: scan?, expand: expand? })
     }
+}
 
+impl Culling {
     /// How many views of a scene fit one [`Culling::record`].
     pub fn views_at_once(gpu: &Gpu, scene: &SceneGpu) -> usize {
         let list = u64::from(scene.triangle_count.max(1)) * 12;
@@ -190,106 +146,38 @@ impl Culling {
         (fit as usize).clamp(1, MAX_VIEWS)
     }
 
-    /// Makes room. To be called when the scene or the number of views changes, not inside a frame.
-    pub fn reserve(&mut self, gpu: &Gpu, scene: &SceneGpu, views: usize) {
-        let views = views.clamp(1, Self::views_at_once(gpu, scene));
-        let fits = |b: &Buffers| {
-            b.view_capacity >= views && b.items == scene.item_count && b.triangles == scene.triangle_count
-        };
-        if self.buffers.as_ref().is_some_and(fits) {
-            return;
-        }
-        let storage = BufferUsages::STORAGE;
-        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let list = 12 * u64::from(scene.triangle_count) * views as u64;
-        // As a uniform its size is that of the shader's array.
-        let arguments = (MAX_VIEWS * CLASSES) as u64 * ARGUMENT_BYTES;
-        let buffer = |name, size, usage| Buffer::new(gpu, name, Life::Frame, size, usage);
-        self.buffers = Some(Buffers {
-            views: Buffer::new(gpu, "cull_views", Life::Frame, size_of::<CullViews>() as u64, uniform),
-            classes: buffer("cull_classes", size_of::<CullClasses>() as u64, uniform),
-            offsets: buffer("cull_offsets", 4 * u64::from(scene.item_count) * views as u64, storage),
-            lists: DrawLists {
-                list: buffer("draw_list", list, storage | BufferUsages::INDEX),
-                arguments: buffer(
-                    "draw_arguments",
-                    arguments,
-                    storage | BufferUsages::INDIRECT | BufferUsages::UNIFORM,
-                ),
-            },
-            view_capacity: views,
-            items: scene.item_count,
-            triangles: scene.triangle_count,
-        });
-    }
-
-    /// Culls the scene for up to [`Culling::views_at_once`] views; `name` labels the passes.
+    /// Culls the scene for some neighbouring views of a table, which was uploaded.
     ///
     /// # Panics
-    /// When [`Culling::reserve`] made too little room: a mistake in the calling pass.
+    /// When there is too little room: a mistake in the calling code.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
-        names: [&'static str; 3],
         scene: &SceneGpu,
-        views: &[CullView],
-        over: &[Over<'_>],
+        table: &ViewTable,
+        views: Range<u32>,
+        room: &ListRoom,
     ) -> DrawLists {
-        let buffers = self.buffers.as_ref().filter(|b| b.view_capacity >= views.len());
-        let Some(buffers) = buffers else {
-            panic!("{}: no room reserved for {} views", names[0], views.len())
-        };
-        let mut all = CullViews {
-            count: [views.len() as u32, scene.item_count, 0, 0],
-            views: [CullView::zeroed(); MAX_VIEWS],
-        };
-        all.views[..views.len()].copy_from_slice(views);
-        frame.upload(&buffers.views, &[all]);
-        let each = size_of::<CullView>() as u64;
-        for Over { views, from, to } in over {
-            let to = size_of::<[u32; 4]>() as u64 + *to as u64 * each;
-            frame.copy((views, *from as u64 * each), (&buffers.views, to), each);
-        }
+        assert!(room.serves(scene, views.len()), "room for other than {} views", views.len());
         let classes = CullClasses {
             first: scene.class_first,
             item_count: scene.item_count,
             list_stride: scene.triangle_count,
-            _pad: [0; 2],
+            row: ROW,
+            _pad: 0,
         };
-        frame.upload(&buffers.classes, &[classes]);
-        let (items, view_count) = (scene.item_count, views.len() as u32);
+        frame.upload(&room.classes, &[classes]);
+        let view_count = views.len() as u32;
+        let over = |groups: u32| Dispatch::Groups([groups.min(ROW), view_count, groups.div_ceil(ROW)]);
         let group = &[scene.group()];
-        let lists = &buffers.lists;
-        frame.compute(
-            names[0],
-            &self.count,
-            group,
-            &[("cull_views", (&buffers.views).into()), ("offsets", (&buffers.offsets).into())],
-            Dispatch::Groups([items.div_ceil(64), view_count, 1]),
-        );
-        frame.compute(
-            names[1],
-            &self.scan,
-            group,
-            &[
-                ("classes", (&buffers.classes).into()),
-                ("offsets", (&buffers.offsets).into()),
-                ("draw_arguments", (&lists.arguments).into()),
-            ],
-            Dispatch::Groups([view_count, 1, 1]),
-        );
-        frame.compute(
-            names[2],
-            &self.expand,
-            group,
-            &[
-                ("classes", (&buffers.classes).into()),
-                ("offsets", (&buffers.offsets).into()),
-                ("draw_list", (&lists.list).into()),
-            ],
-            Dispatch::Groups([items.min(EXPAND_ROW), view_count, items.div_ceil(EXPAND_ROW)]),
-        );
-        lists.clone()
+        let (classes, offsets) = (("classes", (&room.classes).into()), ("offsets", (&room.offsets).into()));
+        let binds = [classes, ("views", table.batch(views.start)), offsets];
+        frame.compute("view/cull_count", &self.count, group, &binds, over(scene.item_count.div_ceil(64)));
+        let binds = [classes, offsets, ("draw_arguments", (&room.arguments).into())];
+        frame.compute("view/cull_scan", &self.scan, group, &binds, Dispatch::Groups([view_count, 1, 1]));
+        let binds = [classes, offsets, ("draw_list", (&room.list).into())];
+        frame.compute("view/cull_expand", &self.expand, group, &binds, over(scene.item_count));
+        DrawLists { list: room.list.clone(), arguments: room.arguments.clone(), views }
     }
 }
 
@@ -319,7 +207,7 @@ pub fn draw_classes(
     classes: Range<usize>,
     shared: &[&chiaro_gpu::Group],
     binds: &[chiaro_gpu::Bind<'_>],
-    (lists, view, indexed): (&DrawLists, usize, bool),
+    (lists, view, indexed): (&DrawLists, u32, bool),
 ) {
     for class in classes {
         if let Some(pipeline) = &pipelines[class % KINDS] {

@@ -24,21 +24,22 @@ pub mod scene;
 mod settings;
 mod shares;
 pub mod texture;
+pub mod view;
 
 pub use scene::{SceneFacts, SceneGpu};
 pub use settings::{Lighting, Msaa, Raster, SurfaceSettings};
 
-use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Attachment, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life,
+    Attachment, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group, Life,
     RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool, parallel,
 };
-use culling::{CullView, Culling, DrawLists, Kinds, draw_classes, kinds};
-use glam::Mat4;
-use raster::{ComputeRaster, Draws};
+use culling::{DrawLists, Kinds, draw_classes, kinds};
+use raster::{ComputeRaster, Draws, RasterRoom};
+use view::ViewTable;
 
 use crate::shaders::{self, Layer};
+use crate::{Kit, Pass};
 
 /// What [`Surfaces::record_resolve`] leaves.
 #[derive(Clone, Debug)]
@@ -53,45 +54,46 @@ pub struct SurfaceBuffer {
     pub emissive: Option<Texture>,
 }
 
-/// A view that surfaces are drawn for.
-#[derive(Clone, Copy, Debug)]
-pub struct SurfaceView {
-    /// What it may see.
-    pub cull: CullView,
-    /// Reversed depth.
-    pub clip_from_ws: Mat4,
-    /// How much smaller than a pixel a texture's footprint is.
-    pub footprint_scale: f32,
-    /// Taps along a slanted footprint at most.
-    pub anisotropy: u32,
-}
-
 /// The passes from geometry to the surface buffer.
 #[derive(Debug)]
 pub struct Surfaces {
-    culling: Culling,
     visibility: Kinds,
     // Draws in their place, where the picture fits it.
     raster: Option<ComputeRaster>,
     resolve: ComputePipeline,
     indexed: bool,
     facts: SceneFacts,
-    buffer: Option<SurfaceBuffer>,
 }
 
-impl Surfaces {
-    /// Compiles the passes.
-    ///
-    /// # Errors
-    /// When a shader does not compile.
-    pub fn new(
-        gpu: &Gpu,
-        library: &Library,
-        frame_layout: &GroupLayout,
-        scene_layout: &GroupLayout,
-        settings: &SurfaceSettings,
-        facts: SceneFacts,
-    ) -> Result<Self, GpuError> {
+/// A surface buffer of one size, to be filled from any view.
+#[derive(Debug)]
+pub struct SurfaceRoom {
+    buffer: SurfaceBuffer,
+    // Where compute draws.
+    raster: Option<RasterRoom>,
+}
+
+/// What [`Surfaces`] are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SurfaceKey {
+    /// Whether compute draws.
+    pub computes: bool,
+    /// What scenes use.
+    pub facts: SceneFacts,
+}
+
+impl SurfaceKey {
+    /// What settings that leave nothing to the adapter ask for.
+    pub fn new(settings: &SurfaceSettings, facts: SceneFacts) -> Self {
+        Self { computes: settings.raster == Raster::Compute, facts }
+    }
+}
+
+impl Pass for Surfaces {
+    type Key = SurfaceKey;
+
+    fn compile(kit: &Kit, &SurfaceKey { computes, facts }: &SurfaceKey) -> Result<Self, GpuError> {
+        let Kit { gpu, library, frame_layout, scene_layout } = kit;
         let shared = &[frame_layout, scene_layout];
         let materials = facts.constants();
         let indexed = gpu.optional.primitive_index;
@@ -118,101 +120,71 @@ impl Surfaces {
         };
         let resolve = shaders::resolve(facts.glows, false);
         let raster = || {
-            (settings.raster == Raster::Compute)
+            computes
                 .then(|| ComputeRaster::new(gpu, library, scene_layout, facts, Draws::Numbers))
                 .transpose()
         };
-        let ((visibility, raster), (culling, resolve)) = parallel::join(
-            || parallel::join(|| kinds(facts.draws(scene::OPAQUE), visibility), raster),
+        let (visibility, (raster, resolve)) = parallel::join(
+            || kinds(facts.draws(scene::OPAQUE), visibility),
             || {
-                parallel::join(
-                    || Culling::new(gpu, library, scene_layout),
-                    || ComputePipeline::new(gpu, library, &resolve, shared, &materials),
-                )
+                parallel::join(raster, || ComputePipeline::new(gpu, library, &resolve, shared, &materials))
             },
         );
-        Ok(Self {
-            culling: culling?,
-            visibility: visibility?,
-            raster: raster?,
-            resolve: resolve?,
-            indexed,
-            facts,
-            buffer: None,
+        Ok(Self { visibility: visibility?, raster: raster?, resolve: resolve?, indexed, facts })
+    }
+}
+
+impl Surfaces {
+    /// Room for a picture size: what is there if it serves. Not inside a frame.
+    pub fn room<'r>(
+        &self,
+        gpu: &Gpu,
+        pool: &TexturePool,
+        size: [u32; 2],
+        room: &'r mut Option<SurfaceRoom>,
+    ) -> &'r SurfaceRoom {
+        let raster = self.raster.as_ref().filter(|_| ComputeRaster::fits_visibility(gpu, size));
+        let serves = |room: &SurfaceRoom| {
+            let has = room.buffer.depth.options();
+            [has.width, has.height] == size
+                && room.raster.is_some() == raster.is_some()
+                && room.buffer.emissive.is_some() == self.facts.glows
+        };
+        chiaro_gpu::keep(room, serves, || {
+            let (format, usage) = if raster.is_some() {
+                (TextureFormat::R32Float, TextureUsages::STORAGE_BINDING)
+            } else {
+                (TextureFormat::Depth32Float, TextureUsages::RENDER_ATTACHMENT)
+            };
+            let lend = |name, format, usage| {
+                let usage = TextureUsages::TEXTURE_BINDING | usage;
+                pool.lend(gpu, name, Life::Frame, TextureOptions::new(size[0], size[1], format, usage))
+            };
+            let storage = TextureUsages::STORAGE_BINDING;
+            let buffer = SurfaceBuffer {
+                depth: lend("depth", format, usage),
+                visibility: lend("visibility", TextureFormat::R32Uint, usage),
+                surface: lend("surface", TextureFormat::Rgba32Uint, storage),
+                emissive: self.facts.glows.then(|| lend("emissive", TextureFormat::Rgba16Float, storage)),
+            };
+            SurfaceRoom { buffer, raster: raster.map(|raster| raster.room(gpu, size, 1)) }
         })
     }
 
-    /// What scenes these passes were compiled for.
-    pub fn facts(&self) -> SceneFacts {
-        self.facts
-    }
-
-    /// Whether these passes serve `settings` without being made again.
-    pub fn serves(&self, settings: &SurfaceSettings, facts: SceneFacts) -> bool {
-        self.facts == facts && self.raster.is_some() == (settings.raster == Raster::Compute)
-    }
-
-    /// Makes room for a scene at a picture size. Not inside a frame.
-    ///
-    /// # Panics
-    /// When the passes were compiled for less than the scene needs.
-    pub fn reserve(&mut self, gpu: &Gpu, pool: &TexturePool, scene: &SceneGpu, [width, height]: [u32; 2]) {
-        assert!(self.facts.serve(scene.facts), "surface: compiled for another scene: {:?}", self.facts);
-        self.culling.reserve(gpu, scene, 1);
-        let computes = self.raster.is_some() && ComputeRaster::fits_visibility(gpu, [width, height]);
-        let (format, usage) = if computes {
-            (TextureFormat::R32Float, TextureUsages::STORAGE_BINDING)
-        } else {
-            (TextureFormat::Depth32Float, TextureUsages::RENDER_ATTACHMENT)
-        };
-        let same = |b: &SurfaceBuffer| {
-            let o = b.depth.options();
-            [o.width, o.height] == [width, height] && o.format == format
-        };
-        if let Some(raster) = self.raster.as_mut().filter(|_| computes) {
-            raster.reserve(gpu, [width, height], 1);
-        }
-        if self.buffer.as_ref().is_some_and(same) {
-            return;
-        }
-        let sampled = TextureUsages::TEXTURE_BINDING;
-        let lend = |name, format, usage| {
-            pool.lend(gpu, name, Life::Frame, TextureOptions::new(width, height, format, sampled | usage))
-        };
-        self.buffer = Some(SurfaceBuffer {
-            depth: lend("depth", format, usage),
-            visibility: lend("visibility", TextureFormat::R32Uint, usage),
-            surface: lend("surface", TextureFormat::Rgba32Uint, TextureUsages::STORAGE_BINDING),
-            emissive: self
-                .facts
-                .glows
-                .then(|| lend("emissive", TextureFormat::Rgba16Float, TextureUsages::STORAGE_BINDING)),
-        });
-    }
-
-    /// Culls for the camera; the forward pipeline draws from the list directly.
-    pub fn cull(&self, frame: &mut Frame<'_>, scene: &SceneGpu, camera: &CullView) -> DrawLists {
-        let names = ["surface/cull_count", "surface/cull_scan", "surface/cull_expand"];
-        self.culling.record(frame, names, scene, &[*camera], &[])
-    }
-
-    /// Depth and visibility of opaque surfaces alone; returns the depth.
-    ///
-    /// # Panics
-    /// When [`Surfaces::reserve`] was not called.
+    /// Depth and visibility of opaque surfaces alone, of one view of a table, which the lists were culled for; returns the
+    /// depth.
     pub fn record_visibility(
         &self,
         frame: &mut Frame<'_>,
-        frame_group: &Group,
-        scene: &SceneGpu,
-        lists: &DrawLists,
-        view: &SurfaceView,
+        (frame_group, scene): (&Group, &SceneGpu),
+        (table, lists, view): (&ViewTable, &DrawLists, u32),
+        room: &SurfaceRoom,
     ) -> Texture {
-        let buffer = self.buffer();
-        let computes = buffer.depth.options().format == TextureFormat::R32Float;
-        if let Some(raster) = self.raster.as_ref().filter(|_| computes) {
-            let view = (view.clip_from_ws, view.footprint_scale, view.anisotropy);
-            raster.record_visibility(frame, scene, lists, view, (&buffer.depth, &buffer.visibility));
+        debug_assert!(self.facts.serve(scene.facts), "surface: compiled for another scene");
+        let buffer = &room.buffer;
+        if let (Some(raster), Some(raster_room)) = (&self.raster, &room.raster) {
+            let targets = (&buffer.depth, &buffer.visibility);
+            raster.record_visibility(frame, scene, (table, lists), view, raster_room, targets);
             return buffer.depth.clone();
         }
         let shared = &[frame_group, scene.group()];
@@ -225,35 +197,29 @@ impl Surfaces {
             }],
             depth: Some(DepthAttachment { texture: &buffer.depth, layer: 0, clear: Some(0.0) }),
         };
-        let binds = [("draw_arguments", (&lists.arguments).into()), ("draw_list", (&lists.list).into())];
+        let binds = [
+            ("view", table.view(view)),
+            ("draw_arguments", (&lists.arguments).into()),
+            ("draw_list", (&lists.list).into()),
+        ];
         frame.render("surface/visibility", targets, |pass| {
-            draw_classes(pass, &self.visibility, scene::OPAQUE, shared, &binds, (lists, 0, self.indexed));
+            draw_classes(pass, &self.visibility, scene::OPAQUE, shared, &binds, (lists, view, self.indexed));
         });
         buffer.depth.clone()
     }
 
-    // Frames are recorded after `reserve`: no room is a mistake of the caller's code.
-    fn buffer(&self) -> &SurfaceBuffer {
-        match &self.buffer {
-            Some(buffer) => buffer,
-            None => panic!("surface: no room reserved"),
-        }
-    }
-
-    /// The surface buffer from this frame's visibility.
-    ///
-    /// # Panics
-    /// When [`Surfaces::reserve`] was not called.
+    /// The surface buffer of a view from this frame's visibility.
     pub fn record_resolve(
         &self,
         frame: &mut Frame<'_>,
-        frame_group: &Group,
-        scene: &SceneGpu,
-        lists: &DrawLists,
+        (frame_group, scene): (&Group, &SceneGpu),
+        (table, lists, view): (&ViewTable, &DrawLists, u32),
+        room: &SurfaceRoom,
     ) -> SurfaceBuffer {
-        let buffer = self.buffer();
+        let buffer = &room.buffer;
         let shared = &[frame_group, scene.group()];
         let mut binds = vec![
+            ("view", table.view(view)),
             ("visibility", (&buffer.visibility).into()),
             ("draw_list", (&lists.list).into()),
             ("surface", (&buffer.surface).into()),

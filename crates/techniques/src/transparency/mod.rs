@@ -23,11 +23,10 @@
 //! memory, one raster pass over the see-through triangles, and about 40 bytes a pixel of bandwidth; where a layer shows
 //! something, 48 bytes a pixel more and its lighting.
 
-use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, Binding, Buffer, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group,
-    GroupLayout, Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
+    Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
     parallel,
 };
 
@@ -36,7 +35,9 @@ use crate::shaders::{self, Layer};
 use crate::shadow::{Lookup, ShadowOutputs};
 use crate::surface::culling::{DEPTH_COMPARE, DrawLists, Kinds, draw_classes, kinds};
 use crate::surface::scene::SEE_THROUGH;
+use crate::surface::view::ViewTable;
 use crate::surface::{SceneFacts, SceneGpu, cull_mode};
+use crate::{Kit, Pass};
 
 /// Sides of the copied picture are multiples of this, so that all its mips are exact halves.
 const BLOCK: u32 = 64;
@@ -53,14 +54,13 @@ pub struct Transparency {
     behind: Vec<ComputePipeline>,
     shade: ComputePipeline,
     sampler: wgpu::Sampler,
-    shadow: Lookup,
     facts: SceneFacts,
     indexed: bool,
-    buffers: Option<Buffers>,
 }
 
+/// Layers of one size.
 #[derive(Debug)]
-struct Buffers {
+pub struct LayerRoom {
     // Visibility and depth, from the nearest.
     layers: Vec<(Texture, Texture)>,
     surface: Texture,
@@ -69,18 +69,11 @@ struct Buffers {
     behind: Texture,
 }
 
-impl Transparency {
-    /// Compiles the passes.
-    ///
-    /// # Errors
-    /// When a shader does not compile.
-    pub fn new(
-        gpu: &Gpu,
-        library: &Library,
-        frame_layout: &GroupLayout,
-        scene_layout: &GroupLayout,
-        (shadow, facts): (Lookup, SceneFacts),
-    ) -> Result<Self, GpuError> {
+impl Pass for Transparency {
+    type Key = (Lookup, SceneFacts);
+
+    fn compile(kit: &Kit, &(shadow, facts): &Self::Key) -> Result<Self, GpuError> {
+        let Kit { gpu, library, frame_layout, scene_layout } = kit;
         let shared = &[frame_layout, scene_layout];
         let materials = facts.constants();
         let indexed = gpu.optional.primitive_index;
@@ -128,36 +121,32 @@ impl Transparency {
                 mipmap_filter: wgpu::MipmapFilterMode::Linear,
                 ..Default::default()
             }),
-            shadow,
             facts,
             indexed,
-            buffers: None,
         })
     }
+}
 
-    /// Whether these passes serve other lookups of shadows and other scenes.
-    pub fn serves(&self, shadow: Lookup, facts: SceneFacts) -> bool {
-        self.shadow == shadow && self.facts == facts
-    }
-
-    /// Makes room for so many layers of a scene at a picture size; for none where nothing is see-through. Not inside a
-    /// frame.
-    pub fn reserve(&mut self, gpu: &Gpu, pool: &TexturePool, scene: &SceneGpu, size: [u32; 2], layers: u32) {
-        if !scene.see_through() {
-            self.buffers = None;
-            return;
-        }
-        let [width, height] = size;
-        let same = |b: &Buffers| {
-            let o = b.surface.options();
-            [o.width, o.height] == size && b.layers.len() == layers as usize
+impl Transparency {
+    /// Room for so many layers at a picture size: what is there if it serves. Not inside a frame.
+    pub fn room<'r>(
+        &self,
+        gpu: &Gpu,
+        pool: &TexturePool,
+        size: [u32; 2],
+        layers: u32,
+        room: &'r mut Option<LayerRoom>,
+    ) -> &'r LayerRoom {
+        let serves = |room: &LayerRoom| {
+            let has = room.surface.options();
+            [has.width, has.height] == size
+                && room.layers.len() == layers as usize
+                && room.emissive.is_some() == self.facts.glows
         };
-        if self.buffers.as_ref().is_some_and(same) {
-            return;
-        }
         let sampled = TextureUsages::TEXTURE_BINDING;
         let lend = |name, format, usage| {
-            pool.lend(gpu, name, Life::Frame, TextureOptions::new(width, height, format, sampled | usage))
+            let options = TextureOptions::new(size[0], size[1], format, sampled | usage);
+            pool.lend(gpu, name, Life::Frame, options)
         };
         let (attachment, storage) = (TextureUsages::RENDER_ATTACHMENT, TextureUsages::STORAGE_BINDING);
         let [wide, high] = size.map(|side| side.next_multiple_of(BLOCK));
@@ -168,50 +157,46 @@ impl Transparency {
                 lend("layer_depth", TextureFormat::Depth32Float, attachment),
             )
         };
-        self.buffers = Some(Buffers {
+        chiaro_gpu::keep(room, serves, || LayerRoom {
             layers: (0..layers).map(layer).collect(),
             surface: lend("layer_surface", TextureFormat::Rgba32Uint, storage),
             through: lend("layer_through", TextureFormat::Rgba32Uint, storage),
             emissive: self.facts.glows.then(|| lend("layer_emissive", TextureFormat::Rgba16Float, storage)),
             behind: pool.lend(gpu, "behind", Life::Frame, TextureOptions { mips: MIPS, ..copy }),
-        });
+        })
     }
 
-    /// Lays the see-through surfaces over `radiance`, the picture of what is opaque with its depth.
-    ///
-    /// # Panics
-    /// When [`Transparency::reserve`] was not called for this scene.
+    /// Lays the see-through surfaces of a view over `radiance`, the picture of what is opaque with its depth.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         (frame_group, scene): (&Group, &SceneGpu),
-        lists: &DrawLists,
+        (table, lists, view): (&ViewTable, &DrawLists, u32),
         (shadows, light_grid): (&ShadowOutputs, &Buffer),
         opaque_depth: &Texture,
-        radiance: &Texture,
+        (radiance, room): (&Texture, &LayerRoom),
     ) {
-        let Some(buffers) = &self.buffers else { panic!("transparency: no room reserved") };
         let shared: &[&Group] = &[frame_group, scene.group()];
-        for number in 0..buffers.layers.len() {
-            self.record_peel(frame, shared, lists, (buffers, number), opaque_depth);
+        for number in 0..room.layers.len() {
+            self.record_peel(frame, shared, (table, lists, view), (room, number), opaque_depth);
         }
-        let options = buffers.surface.options();
+        let options = room.surface.options();
         let pixels = Dispatch::Threads([options.width, options.height, 1]);
-        for (visibility, depth) in buffers.layers.iter().rev() {
+        for (visibility, depth) in room.layers.iter().rev() {
             let mut binds = vec![
                 ("visibility", visibility.into()),
-                ("surface", (&buffers.surface).into()),
-                ("through", (&buffers.through).into()),
+                ("surface", (&room.surface).into()),
+                ("through", (&room.through).into()),
             ];
-            binds.extend(buffers.emissive.as_ref().map(|emissive| ("emissive", emissive.into())));
-            let resolve = [&binds[..], &[("draw_list", (&lists.list).into())]].concat();
+            binds.extend(room.emissive.as_ref().map(|emissive| ("emissive", emissive.into())));
+            let resolve = [&binds[..], &[("draw_list", (&lists.list).into()), ("view", table.view(view))]].concat();
             frame.compute("transparency/resolve", &self.resolve, shared, &resolve, pixels);
-            self.record_behind(frame, radiance, &buffers.behind);
+            self.record_behind(frame, radiance, &room.behind);
             binds.extend(lighting_binds(shadows, light_grid));
             binds.extend([
                 ("depth", depth.into()),
                 ("opaque_depth", opaque_depth.into()),
-                ("behind", (&buffers.behind).into()),
+                ("behind", (&room.behind).into()),
                 ("behind_sampler", (&self.sampler).into()),
                 ("radiance", radiance.into()),
             ]);
@@ -223,11 +208,11 @@ impl Transparency {
         &self,
         frame: &mut Frame<'_>,
         shared: &[&Group],
-        lists: &DrawLists,
-        (buffers, number): (&Buffers, usize),
+        (table, lists, view): (&ViewTable, &DrawLists, u32),
+        (room, number): (&LayerRoom, usize),
         opaque_depth: &Texture,
     ) {
-        let (visibility, depth) = &buffers.layers[number];
+        let (visibility, depth) = &room.layers[number];
         let targets = Targets {
             color: &[Attachment {
                 texture: visibility,
@@ -238,15 +223,16 @@ impl Transparency {
             depth: Some(DepthAttachment { texture: depth, layer: 0, clear: Some(0.0) }),
         };
         let mut binds = vec![
+            ("view", table.view(view)),
             ("draw_arguments", (&lists.arguments).into()),
             ("draw_list", (&lists.list).into()),
             ("opaque_depth", opaque_depth.into()),
         ];
-        let before = number.checked_sub(1).map(|before| &buffers.layers[before].1);
+        let before = number.checked_sub(1).map(|before| &room.layers[before].1);
         binds.extend(before.map(|depth| ("front_depth", depth.into())));
         frame.render("transparency/peel", targets, |pass| {
             let pipelines = &self.peel[usize::from(number > 0)];
-            draw_classes(pass, pipelines, SEE_THROUGH, shared, &binds, (lists, 0, self.indexed));
+            draw_classes(pass, pipelines, SEE_THROUGH, shared, &binds, (lists, view, self.indexed));
         });
     }
 

@@ -56,7 +56,7 @@ fn scene(bench: &Bench, gpu: &chiaro::Gpu) -> SceneGpu {
         let material = stage.material(material);
         stage.quad(Vec3::ZERO, Vec3::X, Vec3::Z, material);
     }
-    SceneGpu::upload(gpu, &bench.scene_layout, &stage.scene).unwrap()
+    SceneGpu::upload(gpu, &bench.kit.scene_layout, &stage.scene).unwrap()
 }
 
 fn assert_sampled_as_said(bench: &Bench, scene: &SceneGpu, case: &Case) {

@@ -4,11 +4,12 @@ use bytemuck::{Pod, Zeroable};
 use chiaro::View;
 use chiaro::scene::{self, Scene};
 use chiaro_gpu::{Buffer, Dispatch, Frame, Gpu, Recorder, TexturePool};
-use chiaro_techniques::shaders;
+use chiaro_techniques::Pass;
 use chiaro_techniques::shared::frame::FrameData;
-use chiaro_techniques::surface::culling::{CullView, Culling, Hole};
+use chiaro_techniques::surface::culling::{Culling, ListRoom};
 use chiaro_techniques::surface::scene::CLASSES;
-use chiaro_techniques::surface::{Raster, SceneGpu, SurfaceSettings, SurfaceView, Surfaces};
+use chiaro_techniques::surface::view::{Hole, ViewData, ViewTable};
+use chiaro_techniques::surface::{Raster, SceneGpu, SurfaceKey, SurfaceSettings, Surfaces};
 use chiaro_testkit::{Bench, Output, Stage, Studio, camera_above, device, device_guaranteed, direct};
 use glam::{Affine3A, Mat4, Vec2, Vec3, Vec4};
 
@@ -44,14 +45,14 @@ fn random_views(scene: &Scene, count: usize) -> Vec<View> {
     (0..count).map(|i| View::look_at(point(), point(), 0.4 + 0.2 * i as f32, 0.05)).collect()
 }
 
-fn cull_view(view: &View, drop_back_faces: bool) -> CullView {
-    let clip_from_ws = view.clip_from_ws(SIZE, Vec2::ZERO);
-    CullView::new(&clip_from_ws, view.eye_ws().extend(1.0), drop_back_faces, false)
+fn view_data(view: &View) -> ViewData {
+    ViewData::new(&view.clip_from_ws(SIZE, Vec2::ZERO), view.eye_ws().extend(1.0), SIZE)
 }
 
-/// Planes without a normal: everything is inside.
-fn everything() -> CullView {
-    CullView::new(&Mat4::ZERO, Vec4::W, false, false)
+/// The same with planes without a normal: everything is inside.
+fn everything(view: &View) -> ViewData {
+    let ViewData { planes, .. } = ViewData::new(&Mat4::ZERO, Vec4::W, SIZE);
+    ViewData { planes, ..view_data(view) }
 }
 
 /// A buffer's words, whatever its usage.
@@ -94,26 +95,29 @@ fn a_views_draw_list_is_that_of_the_cpu_in_the_scenes_order_every_time() {
     let scene = scene::load("builtin:nave").unwrap();
     let gpu = device();
     let bench = Bench::new(&gpu);
-    let uploaded = SceneGpu::upload(&gpu, &bench.scene_layout, &scene).unwrap();
+    let uploaded = SceneGpu::upload(&gpu, &bench.kit.scene_layout, &scene).unwrap();
     let shader = ("tests/spheres.cs.wesl", include_str!("wesl/spheres.cs.wesl"));
     let count = uploaded.item_count as usize;
     let work = (Dispatch::Threads([uploaded.item_count, 1, 1]), count);
     let spheres: Vec<Sphere> = bench.run(shader, &[], Some(&uploaded), &[], work);
 
-    let mut culling = Culling::new(&gpu, &shaders::library(), &bench.scene_layout).unwrap();
-    let mut views: Vec<_> = random_views(&scene, 6).iter().map(|view| cull_view(view, false)).collect();
+    let culling = Culling::compile(&bench.kit, &()).unwrap();
+    let mut views: Vec<_> = random_views(&scene, 6).iter().map(view_data).collect();
     // Two views leave a square tower out.
     let hole = Hole { rows: [Vec3::X.extend(-1.0), Vec3::Z.extend(2.0)], half: 3.0 };
     for view in &mut views[..2] {
         *view = view.without(Some(hole));
         assert!(!view.sees(Vec3::new(1.0, 2.0, -2.0), 0.5));
     }
-    culling.reserve(&gpu, &uploaded, views.len());
+    let mut table = ViewTable::new(&gpu);
+    table.set(&gpu, &views, &[], views.len());
+    let room = ListRoom::new(&gpu, &uploaded, views.len());
     let mut before: Vec<Vec<u32>> = Vec::new();
     for run in 0..2 {
         let mut recorder = Recorder::new(&gpu, false);
         let mut frame = recorder.begin();
-        let lists = culling.record(&mut frame, ["count", "scan", "expand"], &uploaded, &views, &[]);
+        table.upload(&mut frame);
+        let lists = culling.record(&mut frame, &uploaded, &table, table.batches()[0].clone(), &room);
         let [arguments, list] =
             [&lists.arguments, &lists.list].map(|buffer| words(&bench, &mut frame, buffer));
         frame.submit();
@@ -151,20 +155,33 @@ fn a_views_draw_list_is_that_of_the_cpu_in_the_scenes_order_every_time() {
 struct Surveyor<'a> {
     gpu: &'a Gpu,
     bench: Bench,
+    culling: Culling,
     surfaces: Surfaces,
 }
 
 impl<'a> Surveyor<'a> {
     fn new(gpu: &'a Gpu, scene: &Scene, raster: Raster) -> (Self, SceneGpu) {
         let bench = Bench::new(gpu);
-        let uploaded = SceneGpu::upload(gpu, &bench.scene_layout, scene).unwrap();
-        let (library, settings) = (shaders::library(), SurfaceSettings { raster, ..Default::default() });
-        let (frame, scene) = (&bench.frame_layout, &bench.scene_layout);
-        let surfaces = Surfaces::new(gpu, &library, frame, scene, &settings, uploaded.facts).unwrap();
-        (Self { gpu, bench, surfaces }, uploaded)
+        let uploaded = SceneGpu::upload(gpu, &bench.kit.scene_layout, scene).unwrap();
+        let settings = SurfaceSettings { raster, ..Default::default() };
+        let key = SurfaceKey::new(&settings, uploaded.facts);
+        let surfaces = Surfaces::compile(&bench.kit, &key).unwrap();
+        let culling = Culling::compile(&bench.kit, &()).unwrap();
+        (Self { gpu, bench, culling, surfaces }, uploaded)
     }
 
-    fn surface(&mut self, scene: &SceneGpu, view: &View, cull: &CullView) -> Vec<[u32; 4]> {
+    fn surface(&mut self, scene: &SceneGpu, view: &View, drawn: ViewData) -> Vec<[u32; 4]> {
+        self.surface_among(scene, view, &[drawn], 0)
+    }
+
+    /// As one of several views sees it, which are culled together.
+    fn surface_among(
+        &mut self,
+        scene: &SceneGpu,
+        view: &View,
+        drawn: &[ViewData],
+        number: u32,
+    ) -> Vec<[u32; 4]> {
         let data = FrameData {
             clip_from_ws: view.clip_from_ws(SIZE, Vec2::ZERO).to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(SIZE, Vec2::ZERO).to_cols_array_2d(),
@@ -176,18 +193,17 @@ impl<'a> Surveyor<'a> {
             ..FrameData::zeroed()
         };
         self.bench.set_frame(&data);
-        self.surfaces.reserve(self.gpu, &TexturePool::default(), scene, SIZE);
+        let mut table = ViewTable::new(self.gpu);
+        table.set(self.gpu, drawn, &[], drawn.len());
+        let (lists, mut room) = (ListRoom::new(self.gpu, scene, drawn.len()), None);
+        let room = self.surfaces.room(self.gpu, &TexturePool::default(), SIZE, &mut room);
         let mut recorder = Recorder::new(self.gpu, false);
         let mut frame = recorder.begin();
-        let lists = self.surfaces.cull(&mut frame, scene, cull);
-        let view = SurfaceView {
-            cull: *cull,
-            clip_from_ws: view.clip_from_ws(SIZE, Vec2::ZERO),
-            footprint_scale: 1.0,
-            anisotropy: 1,
-        };
-        self.surfaces.record_visibility(&mut frame, self.bench.frame.group(), scene, &lists, &view);
-        let buffer = self.surfaces.record_resolve(&mut frame, self.bench.frame.group(), scene, &lists);
+        table.upload(&mut frame);
+        let lists = self.culling.record(&mut frame, scene, &table, table.batches()[0].clone(), &lists);
+        let (shared, view) = ((self.bench.frame.group(), scene), (&table, &lists, number));
+        self.surfaces.record_visibility(&mut frame, shared, view, room);
+        let buffer = self.surfaces.record_resolve(&mut frame, shared, view, room);
         let shader = ("tests/texels.cs.wesl", include_str!("wesl/texels.cs.wesl"));
         let work = (Dispatch::Threads([SIZE[0], SIZE[1], 1]), (SIZE[0] * SIZE[1]) as usize);
         let inputs = [("surface", (&buffer.surface).into())];
@@ -203,13 +219,69 @@ fn culling_loses_no_visible_triangle() {
     let scene = scene::load("builtin:nave").unwrap();
     let (mut surveyor, uploaded) = Surveyor::new(&gpu, &scene, Raster::Hardware);
     for (index, view) in random_views(&scene, 5).iter().enumerate() {
-        let all = surveyor.surface(&uploaded, view, &everything());
-        let culled = surveyor.surface(&uploaded, view, &cull_view(view, true));
+        let all = surveyor.surface(&uploaded, view, everything(view));
+        let culled = surveyor.surface(&uploaded, view, view_data(view).dropping_back_faces());
         let differing = all.iter().zip(&culled).filter(|(a, b)| a != b).count();
         assert_eq!(differing, 0, "pixels of view {index}");
         let seen = all.iter().filter(|texel| texel[1] >> 30 != 3).count();
         assert!(seen > 100, "view {index} shows only {seen} pixels of the scene");
     }
+}
+
+#[test]
+fn a_spots_view_is_that_of_a_camera_put_there_whatever_is_culled_beside_it() {
+    let gpu = device();
+    for scene in [scene::load("builtin:nave").unwrap(), sieves().scene] {
+        // Eighty degrees wide, with a far plane.
+        let (near, far) = (0.05f32, 60.0f32);
+        let (half, a) = (40f32.to_radians().tan(), near / (far - near));
+        let clip_from_ls = Mat4::from_cols(
+            Vec4::new(1.0 / half, 0.0, 0.0, 0.0),
+            Vec4::new(0.0, SIZE[0] as f32 / SIZE[1] as f32 / half, 0.0, 0.0),
+            Vec4::new(0.0, 0.0, a, -1.0),
+            Vec4::new(0.0, 0.0, a * far, 0.0),
+        );
+        for raster in [Raster::Hardware, Raster::Compute] {
+            let (mut surveyor, uploaded) = Surveyor::new(&gpu, &scene, raster);
+            let cameras = random_views(&scene, 3);
+            let spot = |camera: &View| {
+                let clip_from_ws = clip_from_ls * camera.world_from_camera.inverse();
+                ViewData::new(&clip_from_ws, camera.eye_ws().extend(1.0), SIZE).dropping_back_faces()
+            };
+            let beside = [view_data(&cameras[1]), everything(&cameras[2]), spot(&cameras[0])];
+            let alone = surveyor.surface(&uploaded, &cameras[0], beside[2]);
+            let found = surveyor.surface_among(&uploaded, &cameras[0], &beside, 2);
+            assert!(alone.iter().filter(|texel| texel[1] >> 30 != 3).count() > 100, "{raster:?}");
+            assert!(found == alone, "{raster:?}");
+        }
+    }
+}
+
+#[test]
+fn more_clusters_are_culled_than_one_row_of_workgroups_takes() {
+    let mut stage = Stage::new();
+    let material = stage.lambert(0.5);
+    stage.quad(Vec3::ZERO, Vec3::X * 0.1, Vec3::NEG_Z * 0.1, material);
+    let node = stage.scene.nodes[0].clone();
+    // Two rows of the first step, seventy of the last.
+    let count = 70_000;
+    stage.scene.nodes = vec![node; count];
+    let gpu = device_guaranteed();
+    let bench = Bench::new(&gpu);
+    let scene = SceneGpu::upload(&gpu, &bench.kit.scene_layout, &stage.scene).unwrap();
+    assert_eq!(scene.item_count as usize, count);
+    let culling = Culling::compile(&bench.kit, &()).unwrap();
+    let mut table = ViewTable::new(&gpu);
+    table.set(&gpu, &[view_data(&camera_above(1.0))], &[], 1);
+    let room = ListRoom::new(&gpu, &scene, 1);
+    let mut recorder = Recorder::new(&gpu, false);
+    let mut frame = recorder.begin();
+    table.upload(&mut frame);
+    let lists = culling.record(&mut frame, &scene, &table, 0..1, &room);
+    let [arguments, list] = [&lists.arguments, &lists.list].map(|buffer| words(&bench, &mut frame, buffer));
+    frame.submit();
+    let found = listed(&bench.read(&arguments), &bench.read(&list), 0);
+    assert!(found.into_iter().eq((0..count as u32).flat_map(|item| [item, item])));
 }
 
 #[test]
@@ -222,13 +294,13 @@ fn compute_rasters_the_cameras_view_as_the_hardware_does() {
         let mut views = random_views(scene, 3);
         views.push(View::look_at(Vec3::new(1.0, 3.0, 0.5), Vec3::ZERO, 1.0, 0.05));
         for (index, view) in views.iter().enumerate() {
-            let cull = cull_view(view, true);
-            let expected = hardware.surface(&uploaded, view, &cull);
-            let found = compute.surface(&again, view, &cull);
+            let drawn = view_data(view).dropping_back_faces();
+            let expected = hardware.surface(&uploaded, view, drawn);
+            let found = compute.surface(&again, view, drawn);
             let differing = expected.iter().zip(&found).filter(|(a, b)| a != b).count();
             // An edge through a pixel's middle rounds to either side, and filters of holes differ a little.
             assert!(differing * 100 < found.len(), "scene {number}, view {index}: {differing} pixels differ");
-            assert_eq!(compute.surface(&again, view, &cull), found, "scene {number}, view {index}, twice");
+            assert_eq!(compute.surface(&again, view, drawn), found, "scene {number}, view {index}, twice");
         }
     }
 }
@@ -248,10 +320,10 @@ fn of_surfaces_at_one_depth_the_first_is_seen_in_compute_too() {
         stage.quad(Vec3::ZERO, Vec3::X * 0.8, across * 0.8, material);
     }
     let view = View::look_at(Vec3::new(0.3, 2.0, 0.2), Vec3::ZERO, 0.8, 0.05);
-    let cull = cull_view(&view, true);
+    let drawn = view_data(&view).dropping_back_faces();
     let [expected, found] = [Raster::Hardware, Raster::Compute].map(|raster| {
         let (mut surveyor, uploaded) = Surveyor::new(&gpu, &stage.scene, raster);
-        surveyor.surface(&uploaded, &view, &cull)
+        surveyor.surface(&uploaded, &view, drawn)
     });
     assert!(found.iter().filter(|texel| texel[1] >> 30 != 3).count() * 2 > found.len());
     assert_eq!(expected, found);

@@ -44,7 +44,7 @@ fn draw(scene: &Scene, turn_rad: f32, case: Case) -> Vec<[f32; 4]> {
     let gpu = device_guaranteed();
     let bench = Bench::new(&gpu);
     bench.set_frame(&FrameData { environment_turn: [turn_rad.cos(), turn_rad.sin()], ..FrameData::zeroed() });
-    let loaded = SceneGpu::upload(&gpu, &bench.scene_layout, scene).unwrap();
+    let loaded = SceneGpu::upload(&gpu, &bench.kit.scene_layout, scene).unwrap();
     let traced = TraceData::build(scene, &scene.pose(0.0)).upload(&gpu).unwrap();
     let shader = ("tests/emitter_sample.cs.wesl", include_str!("wesl/emitter_sample.cs.wesl"));
     let buffer = bench.buffer("case_", &[case]);

@@ -1,7 +1,7 @@
 //! Path-traced pictures of moments that trees and lamps have followed to.
 
 use chiaro::scene::{Animation, Channel, Interpolation, Keys, Scene};
-use chiaro::{Kit, Recorder, Reference, ReferenceOptions, View};
+use chiaro::{Kit, LoadedScene, Recorder, Reference, ReferenceOptions, View};
 use chiaro_techniques::shaders;
 use chiaro_testkit::{Stage, camera_above, device_guaranteed, direct, place_below};
 use glam::Vec3;
@@ -20,7 +20,7 @@ fn traced(
 ) -> Vec<f32> {
     let gpu = device_guaranteed();
     let (kit, settings) = (Kit::new(&gpu, shaders::library()), &direct(&[]));
-    let mut loaded = kit.upload(scene).unwrap();
+    let mut loaded = LoadedScene::upload(&kit, scene).unwrap();
     let options = ReferenceOptions { max_depth, seed: 1, ..ReferenceOptions::default() };
     let mut recorder = Recorder::new(&gpu, false);
     let stops: Vec<_> = before.iter().map(|&t| (t, 1)).chain([(time_s, samples)]).collect();

@@ -33,3 +33,4 @@ mod trace;
 mod transparency;
 mod truth;
 mod unlit;
+mod views;

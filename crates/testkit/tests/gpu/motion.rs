@@ -234,7 +234,7 @@ fn read<T: bytemuck::Pod>(gpu: &chiaro::Gpu, buffer: &Buffer) -> Vec<T> {
 
 /// Current and previous positions of all bending vertices, and the instances' transforms likewise. Every cluster must
 /// lie within its sphere.
-fn now_and_before(gpu: &chiaro::Gpu, scene: &LoadedScene) -> [Vec<u32>; 2] {
+pub fn now_and_before(gpu: &chiaro::Gpu, scene: &LoadedScene) -> [Vec<u32>; 2] {
     let [geometry, clusters, instances] = scene.gpu.buffers();
     let words: Vec<u32> = read(gpu, geometry);
     let bending = |c: &&ClusterData| c.flags & 2 != 0;
@@ -262,13 +262,15 @@ fn where_everything_was_in_the_frame_before_is_kept() {
     let source = moving();
     let mut studio = Studio::new(&gpu, direct(&[]));
     let mut loaded = studio.load(&source);
+    let mut state = chiaro::ViewState::new(&studio.renderer);
     let mut recorder = Recorder::new(&gpu, false);
     let mut last = None;
     for (time_s, moves) in [(0.0, false), (0.3, true), (0.8, true), (0.8, false), (0.8, false)] {
         loaded.set_pose(&source, &source.pose(time_s));
-        studio.renderer.prepare(&loaded, &view(), SIZE, Vec2::ZERO, 1.0);
+        let prepared =
+            studio.renderer.prepare(&mut state, &loaded, &view(), SIZE, (Vec2::ZERO, 1.0)).unwrap();
         let mut frame = recorder.begin();
-        studio.renderer.frame(&mut frame, &loaded, false);
+        let _ = prepared.record(&mut frame, false);
         frame.submit();
         let [now, before] = now_and_before(&gpu, &loaded);
         assert!(now.len() > 5_000 && now.iter().all(|&bits| f32::from_bits(bits).is_finite()));

@@ -93,14 +93,16 @@ fn a_steady_frame_allocates_nothing() {
     for (pipeline, msaa) in [(Pipeline::Deferred, "1"), (Pipeline::Forward, "4")] {
         let mut studio = Studio::new(&gpu, settings(pipeline, msaa));
         let loaded = studio.load(&scene);
-        let mut recorder = Recorder::new(&gpu, false);
+        let mut state = chiaro::ViewState::new(&studio.renderer);
+    let mut recorder = Recorder::new(&gpu, false);
         let mut steady = None;
         for index in 0..40 {
             // The camera moves, as it does where frames follow each other.
             view.world_from_camera.w_axis.x += 0.01;
-            studio.renderer.prepare(&loaded, &view, SIZE, Vec2::ZERO, 1.0);
+            let prepared =
+                studio.renderer.prepare(&mut state, &loaded, &view, SIZE, (Vec2::ZERO, 1.0)).unwrap();
             let mut frame = recorder.begin();
-            let _ = studio.renderer.frame(&mut frame, &loaded, false);
+            let _ = prepared.record(&mut frame, false);
             frame.submit();
             // Waiting hands staging memory back, as frames that are presented do in time.
             recorder.wait().unwrap();

@@ -3,24 +3,43 @@
 use bytemuck::cast_slice;
 use chiaro::Pipeline;
 use chiaro::scene::{self, AlphaMode, Filter, Id, LightKind, Material, Mesh, Primitive, Scene, Wrap};
-use chiaro_gpu::wgpu::{BufferUsages, Face, TextureFormat, TextureUsages};
+use chiaro_gpu::wgpu::{Face, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Binding, Buffer, DepthAttachment, Gpu, Life, Readback, Recorder, RenderPipeline, RenderPipelineOptions,
+    DepthAttachment, Gpu, Life, Readback, Recorder, RenderPipeline, RenderPipelineOptions,
     Targets, Texture, TextureOptions,
 };
-use chiaro_techniques::shaders;
-use chiaro_techniques::shadow::DrawView;
+use chiaro_techniques::{Pass, shaders};
 use chiaro_techniques::shared::frame::FrameData;
 use chiaro_techniques::surface::SceneGpu;
-use chiaro_techniques::surface::culling::{CullView, Culling, DEPTH_COMPARE, DrawLists, draw_classes, kinds};
-use chiaro_techniques::surface::raster::{ComputeRaster, Draws, RasterView};
+use chiaro_techniques::surface::culling::{
+    Culling, DEPTH_COMPARE, DrawLists, ListRoom, draw_classes, kinds,
+};
+use chiaro_techniques::surface::raster::{ComputeRaster, Draws};
 use chiaro_techniques::surface::scene::CLASSES;
+use chiaro_techniques::surface::view::{ViewData, ViewTable};
 use chiaro_testkit::{Bench, Stage, Studio, camera_above, device, device_guaranteed, direct, nmae};
 use glam::{Affine3A, Mat4, Quat, Vec2, Vec3, Vec4};
 
 use crate::culling::Random;
 
 const ANISOTROPY: u32 = 4;
+
+/// A view to draw.
+#[derive(Clone, Copy, Debug)]
+struct RasterView {
+    clip_from_ws: Mat4,
+    /// Whether what is before the near plane is dropped; otherwise its depth is 1.
+    clip_near: bool,
+    layer: u32,
+}
+
+impl RasterView {
+    fn data(&self, side: u32) -> ViewData {
+        let data = ViewData::new(&self.clip_from_ws, Vec4::W, [side; 2]);
+        let data = if self.clip_near { data } else { data.clamping_near() };
+        ViewData { layer: self.layer, anisotropy: ANISOTROPY, ..data }
+    }
+}
 
 /// Both ways of rasterising one scene.
 struct Both<'a> {
@@ -37,13 +56,13 @@ impl<'a> Both<'a> {
         let bench = Bench::new(gpu);
         let library = shaders::library();
         bench.set_frame(&FrameData { anisotropy: ANISOTROPY, ..bytemuck::Zeroable::zeroed() });
-        let scene = SceneGpu::upload(gpu, &bench.scene_layout, scene).unwrap();
+        let scene = SceneGpu::upload(gpu, &bench.kit.scene_layout, scene).unwrap();
         Self {
             gpu,
-            culling: Culling::new(gpu, &library, &bench.scene_layout).unwrap(),
+            culling: Culling::compile(&bench.kit, &()).unwrap(),
             raster: {
                 let draws = Draws::Depth { cull_front };
-                ComputeRaster::new(gpu, &library, &bench.scene_layout, scene.facts, draws).unwrap()
+                ComputeRaster::new(gpu, &library, &bench.kit.scene_layout, scene.facts, draws).unwrap()
             },
             bench,
             scene,
@@ -51,21 +70,21 @@ impl<'a> Both<'a> {
         }
     }
 
-    fn lists(&mut self, frame: &mut chiaro_gpu::Frame<'_>, views: &[RasterView]) -> DrawLists {
-        let eye = Vec4::new(0.0, 0.0, 0.0, 1.0);
-        let views: Vec<_> =
-            views.iter().map(|v| CullView::new(&v.clip_from_ws, eye, false, !v.clip_near)).collect();
-        self.culling.record(frame, ["count", "scan", "expand"], &self.scene, &views, &[])
+    /// The views' table, culled for.
+    fn lists(&mut self, frame: &mut chiaro_gpu::Frame<'_>, views: &[RasterView], side: u32) -> (ViewTable, DrawLists) {
+        let views: Vec<_> = views.iter().map(|view| view.data(side)).collect();
+        let mut table = ViewTable::new(self.gpu);
+        table.set(self.gpu, &views, &[], views.len());
+        table.upload(frame);
+        let room = ListRoom::new(self.gpu, &self.scene, views.len());
+        let lists = self.culling.record(frame, &self.scene, &table, table.batches()[0].clone(), &room);
+        (table, lists)
     }
 
     fn hardware(&mut self, view: &RasterView, resolution: u32) -> Vec<f32> {
-        self.culling.reserve(self.gpu, &self.scene, 1);
         let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
         let options = TextureOptions::new(resolution, resolution, TextureFormat::Depth32Float, usage);
         let map = Texture::new(self.gpu, "map", Life::Kept, options.array(1));
-        let clip_from_ws = view.clip_from_ws.to_cols_array_2d();
-        let draw_view = DrawView { clip_from_ws, ..bytemuck::Zeroable::zeroed() };
-        let matrix = Buffer::with_data(self.gpu, "draw_view", &[draw_view], BufferUsages::UNIFORM);
         let materials = self.scene.facts.constants();
         let library = shaders::library();
         let pipeline = |class: usize| {
@@ -77,18 +96,18 @@ impl<'a> Both<'a> {
                 constants: if masked { &materials } else { &[] },
                 ..Default::default()
             };
-            let shared = &[&self.bench.frame_layout, &self.bench.scene_layout];
+            let shared = &[&self.bench.kit.frame_layout, &self.bench.kit.scene_layout];
             let permutation = shaders::shadow_depth(masked);
             RenderPipeline::new(self.gpu, &library, &permutation, shared, &options)
         };
         let pipelines = kinds(self.scene.facts.draws(0..CLASSES), pipeline).unwrap();
         let mut recorder = Recorder::new(self.gpu, false);
         let mut frame = recorder.begin();
-        let lists = self.lists(&mut frame, &[*view]);
+        let (table, lists) = self.lists(&mut frame, &[*view], resolution);
         let depth = Some(DepthAttachment { texture: &map, layer: 0, clear: Some(0.0) });
         frame.render("hardware", Targets { color: &[], depth }, |pass| {
             let shared = &[self.bench.frame.group(), self.scene.group()];
-            let binds = [("draw_view", Binding::Buffer(&matrix))];
+            let binds = [("view", table.view(0))];
             draw_classes(pass, &pipelines, self.scene.classes(), shared, &binds, (&lists, 0, true));
         });
         frame.submit();
@@ -97,15 +116,15 @@ impl<'a> Both<'a> {
 
     /// The map of the last view, which goes to layer 0.
     fn compute(&mut self, views: &[RasterView], resolution: u32) -> Vec<f32> {
-        self.culling.reserve(self.gpu, &self.scene, views.len());
-        self.raster.reserve(self.gpu, [resolution; 2], views.len());
+        let room = self.raster.room(self.gpu, [resolution; 2], views.len());
         let usage = TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
         let options = TextureOptions::new(resolution, resolution, TextureFormat::R32Float, usage);
         let maps = Texture::new(self.gpu, "maps", Life::Kept, options.array(views.len().max(2) as u32));
         let mut recorder = Recorder::new(self.gpu, false);
         let mut frame = recorder.begin();
-        let lists = self.lists(&mut frame, views);
-        self.raster.record(&mut frame, &self.scene, &lists, (views, &[]), ANISOTROPY, &maps);
+        let (table, lists) = self.lists(&mut frame, views, resolution);
+        let drawn = lists.views.clone();
+        self.raster.record(&mut frame, &self.scene, (&table, &lists), drawn, &room, &maps);
         frame.submit();
         Readback::start(self.gpu, &maps).unwrap().wait(self.gpu).unwrap().floats()
     }

@@ -221,10 +221,12 @@ fn a_map_is_rendered_again_only_when_its_light_or_its_casters_changed() {
     let mut renderer = chiaro::Renderer::new(&gpu, direct(&[])).unwrap();
     let [first, second] = [0.0, 0.5].map(|x| renderer.load(&lamp(x).scene).unwrap());
     let mut recorder = chiaro::Recorder::new(&gpu, false);
+    let mut state = chiaro::ViewState::new(&renderer);
     let mut renders = |renderer: &mut chiaro::Renderer, scene: &LoadedScene| {
-        renderer.prepare(scene, &camera_above(3.0), [32, 32], Vec2::ZERO, 1.0);
+        let view = camera_above(3.0);
+        let prepared = renderer.prepare(&mut state, scene, &view, [32, 32], (Vec2::ZERO, 1.0)).unwrap();
         let mut frame = recorder.begin();
-        renderer.frame(&mut frame, scene, false);
+        prepared.record(&mut frame, false);
         frame.submit();
         recorder.log().iter().any(|pass| pass.name == "shadow/depth")
     };

@@ -42,7 +42,7 @@ fn sample(image: &Image, wrap: [Wrap; 2], filter: Filter, anisotropy: u32, point
 fn sample_scene(gpu: &Gpu, scene: &Scene, anisotropy: u32, points: &[Point]) -> Vec<f32> {
     let bench = Bench::new(gpu);
     bench.set_frame(&FrameData { anisotropy, ..FrameData::zeroed() });
-    let scene = SceneGpu::upload(gpu, &bench.scene_layout, scene).unwrap();
+    let scene = SceneGpu::upload(gpu, &bench.kit.scene_layout, scene).unwrap();
     // A uniform: the scene's and the frame's storage buffers and the output are the eight that WebGPU guarantees.
     let mut all = points.to_vec();
     assert!(all.len() <= MAX_POINTS);

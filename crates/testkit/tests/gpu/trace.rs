@@ -13,7 +13,7 @@ use chiaro_gpu::wgpu::{TextureFormat, TextureUsages};
 use chiaro_gpu::{ComputePipeline, Dispatch, Gpu, Life, Readback, Recorder, Texture, TextureOptions};
 use chiaro_techniques::motion::Motion;
 use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceFacts, TraceScene, WORN};
-use chiaro_techniques::shaders;
+use chiaro_techniques::{Pass, shaders};
 use chiaro_techniques::surface::SceneGpu;
 use chiaro_testkit::{Bench, Exact, Stage, device_guaranteed};
 use glam::{Affine3A, Quat, Vec3};
@@ -34,7 +34,7 @@ struct Ray {
 /// Distance (−1 = a miss), whether anything is met before `t_max`, instance, sum of the barycentrics.
 fn shoot(gpu: &Gpu, scene: &Scene, rays: &[Ray]) -> Vec<[f32; 4]> {
     let bench = Bench::new(gpu);
-    let loaded = SceneGpu::upload(gpu, &bench.scene_layout, scene).unwrap();
+    let loaded = SceneGpu::upload(gpu, &bench.kit.scene_layout, scene).unwrap();
     let traced = TraceData::build(scene, &scene.pose(0.0)).upload(gpu).unwrap();
     shoot_at(gpu, (&bench, &loaded, &traced), rays)
 }
@@ -51,16 +51,16 @@ struct Following {
 impl Following {
     fn new(gpu: &Gpu, scene: &Scene) -> Self {
         let bench = Bench::new(gpu);
-        let loaded = SceneGpu::upload(gpu, &bench.scene_layout, scene).unwrap();
+        let loaded = SceneGpu::upload(gpu, &bench.kit.scene_layout, scene).unwrap();
         let traced = TraceData::build(scene, &scene.pose(0.0)).upload(gpu).unwrap();
         let library = shaders::library();
-        let passes = (Motion::new(gpu, &library).unwrap(), Refit::new(gpu, &library).unwrap());
+        let passes = (Motion::compile(&bench.kit, &()).unwrap(), Refit::new(gpu, &library).unwrap());
         Self { bench, loaded, traced, passes, recorder: Recorder::new(gpu, false) }
     }
 
     /// Other trees by the same passes.
     fn load(&mut self, gpu: &Gpu, scene: &Scene) {
-        self.loaded = SceneGpu::upload(gpu, &self.bench.scene_layout, scene).unwrap();
+        self.loaded = SceneGpu::upload(gpu, &self.bench.kit.scene_layout, scene).unwrap();
         self.traced = TraceData::build(scene, &scene.pose(0.0)).upload(gpu).unwrap();
     }
 
@@ -90,7 +90,7 @@ fn shoot_at(
 
 fn shooter(gpu: &Gpu, bench: &Bench, loaded: &SceneGpu, facts: TraceFacts) -> ComputePipeline {
     let library = shaders::library().with(&[("tests/rays.cs.wesl", include_str!("wesl/rays.cs.wesl"))]);
-    let layouts = [&bench.frame_layout, &bench.scene_layout];
+    let layouts = [&bench.kit.frame_layout, &bench.kit.scene_layout];
     let constants = [&loaded.facts.constants()[..], &facts.constants()].concat();
     let entry = Permutation::plain("tests/rays.cs.wesl");
     ComputePipeline::new(gpu, &library, &entry, &layouts, &constants).unwrap()

@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use chiaro::scene::{self, Environment, LightKind, Material, Scene};
-use chiaro::{Kit, Recorder, Reference, ReferenceOptions, View};
+use chiaro::{Kit, LoadedScene, Recorder, Reference, ReferenceOptions, View};
 use chiaro_image::Image;
 use chiaro_techniques::shaders;
 use chiaro_testkit::{
@@ -341,7 +341,7 @@ fn stopped_and_resumed_is_bit_for_bit_the_same_as_run_through() {
     scene.add_default_view();
     let view = View::from_scene(&scene, 0).unwrap();
     let (kit, settings) = (Kit::new(&gpu, shaders::library()), direct(&[]));
-    let loaded = kit.upload(&scene).unwrap();
+    let loaded = LoadedScene::upload(&kit, &scene).unwrap();
     let begin = || Reference::new(&kit, (&scene, &loaded), &settings, (&view, [48, 32]), depth(0)).unwrap();
     let add = |reference: &mut Reference, count| {
         let mut recorder = Recorder::new(&gpu, false);
@@ -388,7 +388,7 @@ fn rows_traced_one_band_at_a_time_and_a_restart_change_no_bit() {
         (device_guaranteed(), [48, 37], ReferenceOptions { seed: 5, ..ReferenceOptions::default() });
     let once = trace(&scene, (&view, size), options, &[6]);
     let (kit, settings) = (Kit::new(&gpu, shaders::library()), direct(&[]));
-    let loaded = kit.upload(&scene).unwrap();
+    let loaded = LoadedScene::upload(&kit, &scene).unwrap();
     let mut reference =
         Reference::new(&kit, (&scene, &loaded), &settings, (&elsewhere, size), options).unwrap();
     let mut recorder = Recorder::new(&gpu, false);

@@ -35,15 +35,14 @@ mod weights;
 
 pub(crate) use weights::Blur;
 
-use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Bind, Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life,
+    Bind, Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, History, Life,
     Texture, TextureOptions,
 };
 
 use super::settings::{Representation, ShadowSettings};
-use crate::shaders;
+use crate::{Kit, Pass, shaders};
 
 /// Rows of all layers that are blurred at once take at most this much, or are those of one layer.
 const SCRATCH_BYTES: u64 = 64 << 20;
@@ -104,17 +103,18 @@ pub fn constants(gpu: &Gpu, representation: Representation) -> [(&'static str, f
     [("REPRESENTATION", f64::from(representation as u32)), ("FILTERED", filtered.into())]
 }
 
-/// What pipelines are made for.
+/// What [`Moments`] are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Key {
+pub struct MomentKey {
     representation: Representation,
     blurs: bool,
     mips: bool,
     float_maps: bool,
 }
 
-impl Key {
-    fn new(settings: &ShadowSettings, float_maps: bool) -> Self {
+impl MomentKey {
+    /// What settings ask for; `float_maps`: whether maps are R32Float instead of Depth32Float.
+    pub fn new(settings: &ShadowSettings, float_maps: bool) -> Self {
         let representation = settings.representation;
         let held = representation != Representation::Depth;
         let (blurs, mips) = (held && settings.filter.blurs(), held && settings.filter.mips());
@@ -155,32 +155,39 @@ impl Content {
 /// The passes that make maps of moments.
 #[derive(Debug)]
 pub struct Moments {
-    key: Key,
+    key: MomentKey,
     making: Making,
     halve: Option<ComputePipeline>,
+}
+
+/// Maps of moments of one size and number.
+#[derive(Debug)]
+pub struct MomentRoom {
     outputs: MomentOutputs,
-    stand_in: Texture,
+    key: MomentKey,
+    // Side and layers.
+    size: [u32; 2],
     scratch: Option<Texture>,
     blur: Buffer,
     lists: Buffer,
-    made: Option<Content>,
+    made: History<Content, ()>,
 }
 
-impl Moments {
-    /// Compiles the passes; `float_maps`: whether maps are R32Float instead of Depth32Float.
-    ///
-    /// # Errors
-    /// When a shader does not compile.
-    pub fn new(
-        gpu: &Gpu,
-        library: &Library,
-        frame_layout: &GroupLayout,
-        settings: &ShadowSettings,
-        float_maps: bool,
-    ) -> Result<Self, GpuError> {
-        let key = Key::new(settings, float_maps);
-        let kind = [("REPRESENTATION", f64::from(settings.representation as u32))];
-        let channels = settings.representation.channels();
+impl MomentRoom {
+    /// What the passes have made.
+    pub fn outputs(&self) -> MomentOutputs {
+        self.outputs.clone()
+    }
+}
+
+impl Pass for Moments {
+    type Key = MomentKey;
+
+    fn compile(kit: &Kit, key: &MomentKey) -> Result<Self, GpuError> {
+        let Kit { gpu, library, frame_layout, .. } = kit;
+        let MomentKey { representation, float_maps, .. } = *key;
+        let kind = [("REPRESENTATION", f64::from(representation as u32))];
+        let channels = representation.channels();
         let pipeline = |permutation, constants: &[(&str, f64)]| {
             ComputePipeline::new(gpu, library, &permutation, &[frame_layout], constants)
         };
@@ -195,51 +202,42 @@ impl Moments {
             Making::Convert(pipeline(shaders::moments_convert(channels, float_maps), &kind)?)
         };
         let halve = if key.mips { Some(pipeline(shaders::moments_halve(channels), &[])?) } else { None };
-        let outputs = MomentOutputs::stand_in(gpu);
-        let stand_in = outputs.moments.clone();
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-        Ok(Self {
-            key,
-            making,
-            halve,
-            outputs,
-            stand_in,
-            scratch: None,
-            blur: Buffer::new(gpu, "blur", Life::Frame, size_of::<Blur>() as u64, usage),
-            lists: lists(gpu, 1, 1),
-            made: None,
-        })
+        Ok(Self { key: *key, making, halve })
     }
+}
 
-    /// Whether these passes serve `settings` without being made again.
-    pub fn serves(&self, settings: &ShadowSettings, float_maps: bool) -> bool {
-        self.key == Key::new(settings, float_maps)
-    }
-
-    /// What the passes have made.
-    pub fn outputs(&self) -> MomentOutputs {
-        self.outputs.clone()
-    }
-
+impl Moments {
     /// Bytes that maps of `resolution`² texels take for so many views, beside the depth.
     pub fn bytes(settings: &ShadowSettings, resolution: u32, layers: u32) -> u64 {
-        let key = Key::new(settings, false);
+        let key = MomentKey::new(settings, false);
         let texel = u64::from(4 * settings.representation.channels());
         let texels: u64 = (0..mips(key, resolution)).map(|mip| u64::from(resolution >> mip).pow(2)).sum();
         let scratch = if key.blurs { scratch_layers(settings, resolution, layers) } else { 0 };
         texel * (texels * u64::from(layers) + u64::from(resolution).pow(2) * u64::from(scratch))
     }
 
-    /// Makes room for so many views. Not inside a frame.
-    pub fn reserve(&mut self, gpu: &Gpu, settings: &ShadowSettings, resolution: u32, layers: u32) {
+    /// Whether a room serves so many views of a size.
+    pub fn fits(&self, room: &MomentRoom, settings: &ShadowSettings, resolution: u32, layers: u32) -> bool {
+        let is_depth = settings.representation == Representation::Depth;
+        room.key == self.key && (is_depth || room.size == [resolution, layers.max(1)])
+    }
+
+    /// Room for so many views. Not inside a frame.
+    pub fn room(&self, gpu: &Gpu, settings: &ShadowSettings, resolution: u32, layers: u32) -> MomentRoom {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let mut room = MomentRoom {
+            outputs: MomentOutputs::stand_in(gpu),
+            key: self.key,
+            size: [resolution, layers.max(1)],
+            scratch: None,
+            blur: Buffer::new(gpu, "blur", Life::Frame, size_of::<Blur>() as u64, usage),
+            lists: lists(gpu, 1, 1),
+            made: History::default(),
+        };
         if self.key.representation == Representation::Depth {
-            return;
+            return room;
         }
         let layers = layers.max(1);
-        let now = self.outputs.moments.options();
-        if now.width == resolution && now.layers == Some(layers) && self.outputs.moments != self.stand_in {
-            return;
-        }
         let format = match settings.representation.channels() {
             1 => TextureFormat::R32Float,
             2 => TextureFormat::Rg32Float,
@@ -247,47 +245,48 @@ impl Moments {
         };
         let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING;
         let plain = TextureOptions::new(resolution, resolution, format, usage);
-        let mips = mips(self.key, resolution);
-        let options = TextureOptions { mips, ..plain.array(layers) };
-        self.outputs.moments = Texture::new(gpu, "shadow_moments", Life::Kept, options);
-        let filtered = gpu.optional.float32_filterable;
-        self.outputs.filtered = if filtered { self.outputs.moments.clone() } else { self.stand_in.clone() };
+        let options = TextureOptions { mips: mips(self.key, resolution), ..plain.array(layers) };
+        room.outputs.moments = Texture::new(gpu, "shadow_moments", Life::Kept, options);
+        if gpu.optional.float32_filterable {
+            room.outputs.filtered = room.outputs.moments.clone();
+        }
         let at_once = scratch_layers(settings, resolution, layers);
-        self.scratch = self
+        room.scratch = self
             .key
             .blurs
             .then(|| Texture::new(gpu, "shadow_moment_rows", Life::Frame, plain.array(at_once)));
-        self.lists = lists(gpu, layers, at_once);
-        self.made = None;
+        room.lists = lists(gpu, layers, at_once);
+        room
     }
 
-    /// Makes the maps of `views` (indices into group 0's `shadow_views`) from their layers in `maps`: those that were
-    /// rendered again. Where settings that texels depend on changed, all are made.
+    /// Makes the maps of `views` (indices into group 0's views) from their layers in `maps`: those that were rendered again.
+    /// Where settings that texels depend on changed, all are made.
     pub fn record(
-        &mut self,
+        &self,
         frame: &mut Frame<'_>,
         frame_group: &Group,
         settings: &ShadowSettings,
         maps: &Texture,
         views: &[u32],
+        room: &mut MomentRoom,
     ) -> MomentOutputs {
         let content = Content::new(settings);
-        let moments = &self.outputs.moments;
+        let moments = &room.outputs.moments;
         let layers = moments.options().layers.unwrap_or(1);
         let all: Vec<u32>;
-        let views = if self.made == Some(content) {
+        let views = if room.made.get(&content).is_some() {
             views
         } else {
             all = (0..layers).collect();
             &all
         };
         if matches!(self.making, Making::Nothing) || views.is_empty() {
-            return self.outputs.clone();
+            return room.outputs.clone();
         }
-        self.made = Some(content);
-        frame.upload(&self.blur, &[content.blur]);
-        frame.upload(&self.outputs.filter, &[[content.blur.deviation(), 0.0, 0.0, 0.0]]);
-        let at_once = self.scratch.as_ref().and_then(|scratch| scratch.options().layers).unwrap_or(layers);
+        room.made.keep(content, ());
+        frame.upload(&room.blur, &[content.blur]);
+        frame.upload(&room.outputs.filter, &[[content.blur.deviation(), 0.0, 0.0, 0.0]]);
+        let at_once = room.scratch.as_ref().and_then(|scratch| scratch.options().layers).unwrap_or(layers);
         let first_batch = layers.next_multiple_of(LIST_WORDS);
         let stride = at_once.next_multiple_of(LIST_WORDS);
         let mut words = views.to_vec();
@@ -296,18 +295,18 @@ impl Moments {
             words.extend(batch);
             words.resize(words.len().next_multiple_of(LIST_WORDS as usize), 0);
         }
-        frame.upload(&self.lists, &words);
+        frame.upload(&room.lists, &words);
 
         let side = moments.options().width;
         let count = views.len() as u32;
         let shared = &[frame_group];
-        let everything = Binding::BufferRange(&self.lists, 0, u64::from(4 * first_batch));
+        let everything = Binding::BufferRange(&room.lists, 0, u64::from(4 * first_batch));
         match &self.making {
             Making::Nothing => {}
             Making::Convert(convert) => {
                 let binds = [
                     ("maps", maps.into()),
-                    ("blur", (&self.blur).into()),
+                    ("blur", (&room.blur).into()),
                     ("moment_views", everything),
                     ("moments", level(moments, 0)),
                 ];
@@ -320,14 +319,14 @@ impl Moments {
                 );
             }
             Making::Blur { rows, columns } => {
-                let Some(scratch) = &self.scratch else { return self.outputs.clone() };
+                let Some(scratch) = &room.scratch else { return room.outputs.clone() };
                 for (index, batch) in (0..).zip(views.chunks(at_once as usize)) {
                     let offset = u64::from(4 * (first_batch + index * stride));
-                    let some = Binding::BufferRange(&self.lists, offset, u64::from(4 * stride));
+                    let some = Binding::BufferRange(&room.lists, offset, u64::from(4 * stride));
                     let over = |[x, y]: [u32; 2]| {
                         Dispatch::Groups([side.div_ceil(x), side.div_ceil(y), batch.len() as u32])
                     };
-                    let common = [("blur", (&self.blur).into()), ("moment_views", some)];
+                    let common = [("blur", (&room.blur).into()), ("moment_views", some)];
                     let binds = [common[0], common[1], ("maps", maps.into()), ("rows", scratch.into())];
                     frame.compute("shadow/moments_rows", rows, shared, &binds, over(ROWS_GROUP));
                     let binds =
@@ -347,11 +346,11 @@ impl Moments {
                 frame.compute("shadow/moments_halve", halve, shared, &binds, over);
             }
         }
-        self.outputs.clone()
+        room.outputs.clone()
     }
 }
 
-fn mips(key: Key, resolution: u32) -> u32 {
+fn mips(key: MomentKey, resolution: u32) -> u32 {
     if key.mips { (resolution / LAST_SIDE).max(1).ilog2() + 1 } else { 1 }
 }
 

@@ -21,52 +21,20 @@
 //! binding. Before the near plane casters are kept and their depth clamped to 1, or dropped, as each view says.
 //! Cost: a read and, where visible, an atomic for every texel of every triangle, and 16 bytes a texel of the map.
 
-use std::mem::offset_of;
+use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{
-    Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, GroupLayout, Life, Texture, parallel,
+    Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, GroupLayout, Life, Texture, parallel,
 };
-use glam::Mat4;
 
 use crate::shaders;
-use crate::surface::culling::{DrawLists, MAX_VIEWS};
+use crate::surface::culling::DrawLists;
 use crate::surface::scene::{CLASSES, OPAQUE};
+use crate::surface::view::{MAX_VIEWS, ViewTable};
 use crate::surface::{SceneFacts, SceneGpu};
-
-/// A view to draw.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RasterView {
-    /// Reversed depth: near = 1, far = 0.
-    pub clip_from_ws: Mat4,
-    /// Whether what is before the near plane is dropped; otherwise its depth is 1.
-    pub clip_near: bool,
-    /// Layer of the target that receives it.
-    pub layer: u32,
-}
-
-/// A matrix that the GPU made, in the place of [`RasterView::clip_from_ws`].
-#[derive(Clone, Copy, Debug)]
-pub struct MatrixOver<'a> {
-    /// With the usage `COPY_SRC`.
-    pub buffer: &'a Buffer,
-    /// Of the matrix, bytes.
-    pub offset: u64,
-    /// The view that takes it.
-    pub to: usize,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(crate) struct RasterViewData {
-    pub(crate) clip_from_ws: [[f32; 4]; 4],
-    pub(crate) depth_limit: f32,
-    pub(crate) layer: u32,
-    pub(crate) reserved0: u32,
-    pub(crate) reserved1: u32,
-}
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -74,15 +42,10 @@ pub(crate) struct RasterData {
     pub(crate) size: [u32; 2],
     pub(crate) columns: u32,
     pub(crate) texels: u32,
-    pub(crate) anisotropy: u32,
-    pub(crate) list_stride: u32,
+    pub(crate) first: u32,
     pub(crate) capacity: u32,
-    pub(crate) footprint_scale: f32,
     pub(crate) phase: u32,
-    pub(crate) reserved0: u32,
-    pub(crate) reserved1: u32,
-    pub(crate) reserved2: u32,
-    pub(crate) views: [RasterViewData; MAX_VIEWS],
+    pub(crate) reserved: u32,
 }
 
 /// Words before the views' texels; see `raster.wesl`.
@@ -123,13 +86,13 @@ pub struct ComputeRaster {
     triangles: Vec<ComputePipeline>,
     tiles: Vec<ComputePipeline>,
     resolve: ComputePipeline,
-    // For depth; for numbers.
-    uniforms: [Buffer; 2],
-    buffers: Option<Buffers>,
 }
 
+/// What is drawn into.
 #[derive(Debug)]
-struct Buffers {
+pub struct RasterRoom {
+    // For depth; for numbers.
+    uniforms: [Buffer; 2],
     depths: Buffer,
     tiles: Buffer,
     size: [u32; 2],
@@ -173,15 +136,11 @@ impl ComputeRaster {
         let kinds = if masked || masked_both { 2 } else { 1 };
         let (triangles, tiles) =
             parallel::join(|| parallel::each(kinds, triangles), || parallel::each(kinds, tiles));
-        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let size = size_of::<RasterData>() as u64;
         Ok(Self {
             draws,
             triangles: triangles?,
             tiles: tiles?,
             resolve: make(shaders::raster_resolve(numbers), &[])?,
-            uniforms: [(); 2].map(|()| Buffer::new(gpu, "raster", Life::Frame, size, usage)),
-            buffers: None,
         })
     }
 
@@ -200,119 +159,130 @@ impl ComputeRaster {
         Self::views_at_once(gpu, size) >= 2
     }
 
-    /// Makes room for so many views at once (at most [`ComputeRaster::views_at_once`]; one with numbers). Not inside a frame.
-    pub fn reserve(&mut self, gpu: &Gpu, size: [u32; 2], views: usize) {
-        let fits = |b: &Buffers| b.size == size && b.views as usize >= views;
-        if self.buffers.as_ref().is_some_and(fits) {
-            return;
-        }
+    /// Room for so many views at once (at most [`ComputeRaster::views_at_once`]; one with numbers). Not inside a frame.
+    pub fn room(&self, gpu: &Gpu, size: [u32; 2], views: usize) -> RasterRoom {
         let views = views.clamp(1, Self::views_at_once(gpu, size).max(1)) as u32;
         let all_texels = u64::from(views) * u64::from(texels(size));
         let capacity = (all_texels / TEXELS_PER_TILE).clamp(1, MAX_TILES);
         let buffer = |name, life, size| Buffer::new(gpu, name, life, size, BufferUsages::STORAGE);
         let words = HEADER + if self.draws == Draws::Numbers { 2 * all_texels } else { all_texels };
-        self.buffers = Some(Buffers {
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let uniform = size_of::<RasterData>() as u64;
+        RasterRoom {
+            uniforms: [(); 2].map(|()| Buffer::new(gpu, "raster", Life::Frame, uniform, usage)),
             // Empty when made, and emptied by the last step of every frame.
             depths: buffer("raster_depths", Life::Kept, 4 * words),
             tiles: buffer("raster_tiles", Life::Frame, TILE_BYTES * capacity),
             size,
             views,
             capacity: capacity as u32,
-        });
+        }
     }
 
-    /// Draws views of a scene from the lists that were culled for them, in the same order, into an R32Float array that
-    /// shaders may write. `anisotropy`: most taps of a masked caster's texture, as in `surface.anisotropy`.
-    ///
-    /// # Panics
-    /// When [`ComputeRaster::reserve`] made too little room: a mistake in the calling pass.
+    /// Draws views of a table, of those that the lists were culled for, into the layers of an R32Float array that shaders
+    /// may write: as many at once as there is room for.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         scene: &SceneGpu,
-        lists: &DrawLists,
-        (views, over): (&[RasterView], &[MatrixOver<'_>]),
-        anisotropy: u32,
+        (table, lists): (&ViewTable, &DrawLists),
+        views: Range<u32>,
+        room: &RasterRoom,
         target: &Texture,
     ) {
-        let buffers = self.buffers(views.len());
-        frame.upload(&self.uniforms[0], &[buffers.data(scene, views, anisotropy)]);
-        for MatrixOver { buffer, offset, to } in over {
-            let at = offset_of!(RasterData, views) + to * size_of::<RasterViewData>();
-            frame.copy((buffer, *offset), (&self.uniforms[0], at as u64), size_of::<Mat4>() as u64);
+        for first in views.clone().step_by(room.views as usize) {
+            let count = room.views.min(views.end - first);
+            let drawn = (table, lists, first..first + count);
+            self.draw(frame, scene, drawn.clone(), (room, 0), &DEPTH_NAMES);
+            let maps = ("maps", target.into());
+            self.resolve(frame, "shadow/raster_resolve", drawn, room, &[maps]);
         }
-        self.draw(frame, (scene, lists), buffers, (&self.uniforms[0], views.len()), &DEPTH_NAMES);
-        let binds = [
-            ("raster", (&self.uniforms[0]).into()),
-            ("depths", (&buffers.depths).into()),
-            ("maps", target.into()),
-        ];
-        let groups = buffers.resolve_groups(views.len());
-        frame.compute("shadow/raster_resolve", &self.resolve, &[], &binds, groups);
     }
 
-    /// Draws what a view sees of a scene's opaque surfaces, from the list that was culled for it: depth (R32Float,
-    /// reversed) and triangle + 1 of its list (R32Uint; 0 = nothing). `footprint_scale`: see `frame.wesl`.
-    ///
-    /// # Panics
-    /// When [`ComputeRaster::reserve`] made too little room: a mistake in the calling pass.
+    /// Draws what a view of a table, one of those that the lists were culled for, sees of a scene's opaque surfaces: depth
+    /// (R32Float, reversed) and triangle + 1 of the lists (R32Uint; 0 = nothing).
     pub fn record_visibility(
         &self,
         frame: &mut Frame<'_>,
         scene: &SceneGpu,
-        lists: &DrawLists,
-        (clip_from_ws, footprint_scale, anisotropy): (Mat4, f32, u32),
+        (table, lists): (&ViewTable, &DrawLists),
+        view: u32,
+        room: &RasterRoom,
         (depth, visibility): (&Texture, &Texture),
     ) {
-        let buffers = self.buffers(1);
-        let view = RasterView { clip_from_ws, clip_near: true, layer: 0 };
-        let data = buffers.data(scene, &[view], anisotropy);
-        let names = [&VISIBILITY_NAMES, &NUMBER_NAMES];
-        for (phase, (uniform, names)) in (0..).zip(self.uniforms.iter().zip(names)) {
-            frame.upload(uniform, &[RasterData { footprint_scale, phase, ..data }]);
-            self.draw(frame, (scene, lists), buffers, (uniform, 1), names);
+        let drawn = (table, lists, view..view + 1);
+        for (phase, names) in (0..).zip([&VISIBILITY_NAMES, &NUMBER_NAMES]) {
+            self.draw(frame, scene, drawn.clone(), (room, phase), names);
         }
-        let binds = [
-            ("raster", (&self.uniforms[0]).into()),
-            ("depths", (&buffers.depths).into()),
-            ("depth_map", depth.into()),
-            ("visibility", visibility.into()),
-        ];
-        frame.compute("surface/raster_resolve", &self.resolve, &[], &binds, buffers.resolve_groups(1));
-    }
-
-    fn buffers(&self, views: usize) -> &Buffers {
-        match self.buffers.as_ref().filter(|b| b.views as usize >= views) {
-            Some(buffers) => buffers,
-            None => panic!("raster: no room reserved for {views} views"),
-        }
+        let targets = [("depth_map", depth.into()), ("visibility", visibility.into())];
+        self.resolve(frame, "surface/raster_resolve", drawn, room, &targets);
     }
 
     // Triangles, then the tiles of large ones.
     fn draw(
         &self,
         frame: &mut Frame<'_>,
-        (scene, lists): (&SceneGpu, &DrawLists),
-        buffers: &Buffers,
-        (uniform, views): (&Buffer, usize),
+        scene: &SceneGpu,
+        (table, lists, views): (&ViewTable, &DrawLists, Range<u32>),
+        (room, phase): (&RasterRoom, usize),
         [triangles, tiles]: &[[&'static str; 2]; 2],
     ) {
+        let uniform = &room.uniforms[phase];
+        let first = lists.slot(views.start) as u32;
+        frame.upload(uniform, &[RasterData { first, phase: phase as u32, ..room.data() }]);
         let binds = [
             ("raster", uniform.into()),
+            ("views", table.batch(lists.views.start)),
             ("draw_arguments", (&lists.arguments).into()),
             ("draw_list", (&lists.list).into()),
-            ("depths", (&buffers.depths).into()),
-            ("tiles", (&buffers.tiles).into()),
+            ("depths", (&room.depths).into()),
+            ("tiles", (&room.tiles).into()),
         ];
         let group = &[scene.group()];
         let groups = scene.triangle_count.div_ceil(TRIANGLE_LANES).clamp(1, MAX_TRIANGLE_GROUPS);
-        let of_views = Dispatch::Groups([groups, views as u32, 1]);
+        let of_views = Dispatch::Groups([groups, views.len() as u32, 1]);
         let kinds = if masked(scene, self.draws) { 2 } else { 1 };
         for (name, pipeline) in triangles.iter().zip(&self.triangles).take(kinds) {
             frame.compute(name, pipeline, group, &binds, of_views);
         }
         for (name, pipeline) in tiles.iter().zip(&self.tiles).take(kinds) {
             frame.compute(name, pipeline, group, &binds, Dispatch::Groups([TILE_GROUPS, 1, 1]));
+        }
+    }
+
+    fn resolve(
+        &self,
+        frame: &mut Frame<'_>,
+        name: &'static str,
+        (table, lists, views): (&ViewTable, &DrawLists, Range<u32>),
+        room: &RasterRoom,
+        targets: &[Bind<'_>],
+    ) {
+        let mut binds = vec![
+            ("raster", (&room.uniforms[0]).into()),
+            ("views", table.batch(lists.views.start)),
+            ("depths", (&room.depths).into()),
+        ];
+        binds.extend(targets);
+        let columns = room.size[0].div_ceil(BLOCK[0]).div_ceil(RESOLVE_BLOCKS);
+        let groups = [columns, room.size[1].div_ceil(BLOCK[1]), views.len() as u32];
+        frame.compute(name, &self.resolve, &[], &binds, Dispatch::Groups(groups));
+    }
+}
+
+impl RasterRoom {
+    /// Whether it serves so many views of a size.
+    pub fn serves(&self, size: [u32; 2], views: usize) -> bool {
+        self.size == size && self.views as usize >= views
+    }
+
+    fn data(&self) -> RasterData {
+        RasterData {
+            size: self.size,
+            columns: self.size[0].div_ceil(BLOCK[0]),
+            texels: texels(self.size),
+            capacity: self.capacity,
+            ..Zeroable::zeroed()
         }
     }
 }
@@ -330,32 +300,6 @@ const NUMBER_NAMES: [[&str; 2]; 2] = [
     ["surface/raster_numbers", "surface/raster_masked_numbers"],
     ["surface/raster_tile_numbers", "surface/raster_masked_tile_numbers"],
 ];
-
-impl Buffers {
-    fn data(&self, scene: &SceneGpu, views: &[RasterView], anisotropy: u32) -> RasterData {
-        let mut data = RasterData {
-            size: self.size,
-            columns: self.size[0].div_ceil(BLOCK[0]),
-            texels: texels(self.size),
-            anisotropy,
-            list_stride: scene.triangle_count,
-            capacity: self.capacity,
-            footprint_scale: 1.0,
-            ..Zeroable::zeroed()
-        };
-        for (to, view) in data.views.iter_mut().zip(views) {
-            to.clip_from_ws = view.clip_from_ws.to_cols_array_2d();
-            to.depth_limit = if view.clip_near { 1.0 } else { f32::MAX };
-            to.layer = view.layer;
-        }
-        data
-    }
-
-    fn resolve_groups(&self, views: usize) -> Dispatch<'static> {
-        let columns = self.size[0].div_ceil(BLOCK[0]).div_ceil(RESOLVE_BLOCKS);
-        Dispatch::Groups([columns, self.size[1].div_ceil(BLOCK[1]), views as u32])
-    }
-}
 
 /// Depth bits of the views drawn at once take at most this much.
 const DEPTH_BUDGET_BYTES: u64 = 512 << 20;

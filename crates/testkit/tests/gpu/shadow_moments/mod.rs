@@ -10,8 +10,8 @@ use chiaro_gpu::{
     Binding, DepthAttachment, Dispatch, Draw, Gpu, Life, Recorder, RenderPipeline, RenderPipelineOptions,
     Targets, Texture, TextureOptions,
 };
-use chiaro_techniques::shaders;
-use chiaro_techniques::shadow::moments::{MomentOutputs, Moments};
+use chiaro_techniques::{Pass, shaders};
+use chiaro_techniques::shadow::moments::{MomentKey, MomentOutputs, MomentRoom, Moments};
 use chiaro_techniques::shadow::{Filter, Lookup, Representation, ShadowSettings};
 use chiaro_techniques::shared::frame::{FrameData, ShadowViewData};
 use chiaro_testkit::Bench;
@@ -134,6 +134,7 @@ struct Rig {
     bench: Bench,
     settings: ShadowSettings,
     moments: Moments,
+    room: MomentRoom,
     maps: Texture,
     outputs: Option<MomentOutputs>,
 }
@@ -154,11 +155,10 @@ impl Rig {
         let mut bench = Bench::new(gpu);
         bench.frame.reserve(gpu, 1, None);
         gpu.queue.write_buffer(bench.frame.lighting.raw(), 0, bytemuck::cast_slice(views));
-        let library = shaders::library();
-        let moments = Moments::new(gpu, &library, &bench.frame_layout, &settings, !as_depth).unwrap();
+        let moments = Moments::compile(&bench.kit, &MomentKey::new(&settings, !as_depth)).unwrap();
+        let room = moments.room(gpu, &settings, depths.side, views.len() as u32);
         let maps = depths.upload(gpu, as_depth);
-        let mut rig = Self { gpu: gpu.clone(), bench, settings, moments, maps, outputs: None };
-        rig.moments.reserve(gpu, &rig.settings, depths.side, views.len() as u32);
+        let mut rig = Self { gpu: gpu.clone(), bench, settings, moments, room, maps, outputs: None };
         rig.make(&(0..views.len() as u32).collect::<Vec<_>>());
         rig
     }
@@ -170,7 +170,8 @@ impl Rig {
         let mut recorder = Recorder::new(&self.gpu, false);
         let mut frame = recorder.begin();
         let group = self.bench.frame.group();
-        self.outputs = Some(self.moments.record(&mut frame, group, &self.settings, &self.maps, views));
+        let (settings, room) = (&self.settings, &mut self.room);
+        self.outputs = Some(self.moments.record(&mut frame, group, settings, &self.maps, views, room));
         frame.submit();
     }
 

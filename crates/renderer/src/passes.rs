@@ -1,0 +1,93 @@
+//! The list of all passes: what is compiled for which settings, and what is missing.
+
+use chiaro_gpu::{GpuError, parallel};
+use chiaro_techniques::direct::{DirectLight, Permutations};
+use chiaro_techniques::motion::Motion;
+use chiaro_techniques::shadow::{Lookup, ShadowKey, ShadowMaps};
+use chiaro_techniques::shared::albedo_table::AlbedoTable;
+use chiaro_techniques::surface::culling::Culling;
+use chiaro_techniques::surface::{SceneFacts, SurfaceKey, Surfaces};
+use chiaro_techniques::transparency::Transparency;
+use chiaro_techniques::{Compiled, Kit, Pass};
+
+use crate::{Pipeline, Settings};
+
+/// What is compiled is declared once: a name, a pass, and its key by settings that leave nothing to the adapter and by what
+/// scenes use.
+macro_rules! passes {
+    ($($name:ident: $pass:ty = $key:expr;)*) => {
+        /// All passes.
+        #[derive(Debug)]
+        pub(crate) struct Passes {
+            $(pub $name: Compiled<$pass>,)*
+        }
+
+        /// What passes that are to be compiled are to be compiled for.
+        #[derive(Debug)]
+        pub(crate) struct Missing {
+            $($name: Option<<$pass as Pass>::Key>,)*
+        }
+
+        /// Passes that were missing.
+        #[derive(Debug)]
+        pub(crate) struct Found {
+            $($name: Option<Compiled<$pass>>,)*
+        }
+
+        impl Missing {
+            /// What `passes`, or none, lack.
+            pub fn of(passes: Option<&Passes>, settings: &Settings, facts: SceneFacts) -> Self {
+                let missing = Self { $($name: Some($key(settings, facts)),)* };
+                let Some(passes) = passes else { return missing };
+                Self { $($name: missing.$name.filter(|key| !passes.$name.serves(key)),)* }
+            }
+
+            /// Whether nothing is.
+            pub fn is_empty(&self) -> bool {
+                true $(&& self.$name.is_none())*
+            }
+
+            /// Compiles all of it, on all cores, in the order of the list.
+            pub fn compile(mut self, kit: &Kit) -> Result<Found, GpuError> {
+                $(let mut $name = None;)*
+                parallel::all(&mut [$(&mut || {
+                    $name = self.$name.take().map(|key| Compiled::<$pass>::new(kit, key));
+                },)*]);
+                Ok(Found { $($name: $name.transpose()?,)* })
+            }
+        }
+
+        impl Found {
+            /// The passes, where all were missing.
+            pub fn into_passes(self) -> Option<Passes> {
+                Some(Passes { $($name: self.$name?,)* })
+            }
+
+            /// Takes the places of those that did not serve.
+            pub fn install(self, passes: &mut Passes) {
+                $(if let Some(pass) = self.$name {
+                    passes.$name = pass;
+                })*
+            }
+        }
+    };
+}
+
+// What takes longest to compile stands first.
+passes! {
+    transparency: Option<Transparency> = |settings: &Settings, facts: SceneFacts| {
+        facts.see_through().then(|| (Lookup::new(&settings.shadow), facts))
+    };
+    direct: DirectLight = permutations;
+    surfaces: Surfaces = |settings: &Settings, facts| SurfaceKey::new(&settings.surface, facts);
+    shadows: ShadowMaps = |settings: &Settings, facts| ShadowKey::new(&settings.shadow, facts);
+    culling: Culling = |_, _| ();
+    albedo_table: AlbedoTable = |_, _| ();
+    motion: Motion = |_, _| ();
+}
+
+/// What shaders that look up lights are compiled for.
+pub(crate) fn permutations(settings: &Settings, facts: SceneFacts) -> Permutations {
+    let forward = (settings.pipeline == Pipeline::Forward).then(|| settings.surface.msaa.samples());
+    Permutations::new(&settings.shadow, forward, facts)
+}

@@ -1,0 +1,84 @@
+//! What one view of a scene keeps from frame to frame.
+
+use chiaro_gpu::{Buffer, Group, History};
+use chiaro_techniques::direct::LightRoom;
+use chiaro_techniques::indirect::SkyView;
+use chiaro_techniques::shadow::ShadowRoom;
+use chiaro_techniques::shared::frame::FrameGroup;
+use chiaro_techniques::surface::SurfaceRoom;
+use chiaro_techniques::surface::culling::ListRoom;
+use chiaro_techniques::surface::view::ViewTable;
+use chiaro_techniques::transparency::LayerRoom;
+use glam::{DVec3, Mat4};
+
+use crate::Renderer;
+
+/// Textures, buffers and histories of one view: a window, a still, a mirror. A program that renders several views of its
+/// scenes, in one frame or in turn, has one of these for each, and one [`Renderer`] for all.
+#[derive(Debug)]
+pub struct ViewState {
+    pub(crate) frame_group: FrameGroup,
+    pub(crate) rooms: Rooms,
+    pub(crate) history: Histories,
+    pub(crate) notes: Vec<String>,
+}
+
+/// What passes write into, made when sizes or passes change.
+#[derive(Debug)]
+pub(crate) struct Rooms {
+    pub views: ViewTable,
+    pub lists: Option<ListRoom>,
+    pub surface: Option<SurfaceRoom>,
+    pub shadow: Option<ShadowRoom>,
+    pub light: Option<LightRoom>,
+    pub layers: Option<LayerRoom>,
+}
+
+/// What frames leave for the next.
+#[derive(Debug, Default)]
+pub(crate) struct Histories {
+    /// The camera without jitter, by the origin that it counts from.
+    pub clip_from_ws: History<DVec3, Mat4>,
+    /// How much of the sky is seen, by scene and by where the eye is.
+    pub sky: History<(u64, DVec3), SkyView>,
+}
+
+impl ViewState {
+    /// A view without any room yet.
+    pub fn new(renderer: &Renderer) -> Self {
+        let (gpu, table) = (renderer.gpu(), &renderer.passes().albedo_table.texture);
+        Self {
+            frame_group: FrameGroup::new(gpu, renderer.frame_layout(), table),
+            rooms: Rooms {
+                views: ViewTable::new(gpu),
+                lists: None,
+                surface: None,
+                shadow: None,
+                light: None,
+                layers: None,
+            },
+            history: Histories::default(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Group 0, for passes of one's own.
+    pub fn frame_group(&self) -> &Group {
+        self.frame_group.group()
+    }
+
+    /// Sentences about what the last [`Renderer::prepare`] gave up, for the user.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Lights and shadow views as shaders read them; see [`FrameGroup::lighting`].
+    pub fn lighting(&self) -> &Buffer {
+        &self.frame_group.lighting
+    }
+
+    /// Forgets what frames leave for the next: after a cut.
+    pub fn cut(&mut self) {
+        self.history = Histories::default();
+    }
+}
