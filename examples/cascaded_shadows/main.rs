@@ -7,8 +7,8 @@ use chiaro_gpu::shader::Permutation;
 use chiaro_gpu::{Attachment, Binding, Buffer, DepthAttachment, Draw, Gpu, GpuOptions, Life, Recorder};
 use chiaro_gpu::{Readback, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions};
 use chiaro_gpu::{wgpu, wgpu::BufferUsages, wgpu::TextureFormat, wgpu::TextureUsages};
+use chiaro_techniques::frame::{FrameData, FrameGroup, LightData};
 use chiaro_techniques::shadow::{CameraView, FitInputs, Lookup, ShadowOutputs, ShadowSettings, fit};
-use chiaro_techniques::shared::frame::{FrameData, FrameGroup, LightData};
 use chiaro_techniques::{shaders, shared::albedo_table};
 use glam::{Mat4, Vec3, camera};
 

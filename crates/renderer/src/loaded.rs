@@ -1,12 +1,12 @@
 //! A scene ready to be rendered.
 
 use chiaro_scene::{Pose, Scene};
-use chiaro_techniques::direct::{illuminance_scale, light_data};
 use chiaro_techniques::environment::EnvironmentMap;
+use chiaro_techniques::frame::LightData;
 use chiaro_techniques::indirect::Openness;
+use chiaro_techniques::light::{illuminance_scale, light_data};
+use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::Casters;
-use chiaro_techniques::shared::frame::LightData;
-use chiaro_techniques::surface::SceneGpu;
 
 /// A scene on the GPU with its lights.
 #[derive(Debug)]

@@ -2,12 +2,13 @@
 
 use chiaro_gpu::{GpuError, parallel};
 use chiaro_techniques::direct::{DirectLight, Permutations};
-use chiaro_techniques::motion::Motion;
+use chiaro_techniques::scene::SceneFacts;
+use chiaro_techniques::scene::motion::Motion;
 use chiaro_techniques::shadow::{Lookup, ShadowKey, ShadowMaps};
 use chiaro_techniques::shared::albedo_table::AlbedoTable;
-use chiaro_techniques::surface::culling::Culling;
-use chiaro_techniques::surface::{SceneFacts, SurfaceKey, Surfaces};
 use chiaro_techniques::transparency::Transparency;
+use chiaro_techniques::view::culling::Culling;
+use chiaro_techniques::view::{SurfaceKey, Surfaces};
 use chiaro_techniques::{Compiled, Kit, Pass};
 
 use crate::{Pipeline, Settings};

@@ -2,14 +2,14 @@
 
 use chiaro_gpu::{Buffer, Frame, Texture, wgpu};
 use chiaro_techniques::direct::LightRoom;
+use chiaro_techniques::frame::{FrameData, FrameGroup};
 use chiaro_techniques::shadow::{
     ShadowInputs, ShadowOutputs, ShadowPlan, ShadowRoom, ShadowSettings, ShadowViews,
 };
-use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
-use chiaro_techniques::surface::culling::{DrawLists, ListRoom};
-use chiaro_techniques::surface::view::ViewTable;
-use chiaro_techniques::surface::{SurfaceBuffer, SurfaceRoom};
 use chiaro_techniques::transparency::LayerRoom;
+use chiaro_techniques::view::ViewTable;
+use chiaro_techniques::view::culling::{DrawLists, ListRoom};
+use chiaro_techniques::view::{SurfaceBuffer, SurfaceRoom};
 
 use crate::passes::Passes;
 use crate::view_state::Rooms;
@@ -133,8 +133,8 @@ fn forward(
     let camera = (rooms.views, &lists, CAMERA);
     let needs_depth =
         inputs.wants_surface || rooms.layers.is_some() || !inputs.shadow_views.fitted.is_empty();
-    let depth = needs_depth
-        .then(|| passes.surfaces.record_visibility(frame, (group, scene), camera, rooms.surface));
+    let depth =
+        needs_depth.then(|| passes.surfaces.record_visibility(frame, (group, scene), camera, rooms.surface));
     let shadow_inputs = shadow_inputs(passes, inputs, rooms, (&lists, depth.as_ref()), settings);
     let shadows = passes.shadows.record(frame, inputs.group, &shadow_inputs, shadow);
     let surface = inputs
@@ -146,8 +146,7 @@ fn forward(
         let sky = if dark { Some(wgpu::Color::TRANSPARENT) } else { inputs.sky };
         let lists = (&lists, rooms.light);
         passes.direct.record_forward(frame, (group, scene), lists, light, sky, radiance);
-        if let (Some(transparency), Some(layers), Some(depth)) =
-            (&*passes.transparency, rooms.layers, &depth)
+        if let (Some(transparency), Some(layers), Some(depth)) = (&*passes.transparency, rooms.layers, &depth)
         {
             transparency.record(frame, (group, scene), camera, light, depth, (radiance, layers));
         }

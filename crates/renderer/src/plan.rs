@@ -6,7 +6,7 @@ use chiaro_techniques::Kit;
 use chiaro_techniques::direct::Permutations;
 use chiaro_techniques::environment::EnvironmentMap;
 use chiaro_techniques::indirect::Openness;
-use chiaro_techniques::surface::{SceneFacts, SceneGpu};
+use chiaro_techniques::scene::{SceneFacts, SceneGpu};
 
 use crate::passes::{Found, Missing, permutations};
 use crate::{Error, LoadedScene, Settings};

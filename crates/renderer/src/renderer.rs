@@ -3,14 +3,15 @@
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::{Frame, Gpu, GroupLayout, TexturePool, wgpu};
 use chiaro_scene::Scene;
-use chiaro_techniques::direct::{Permutations, grid_size};
+use chiaro_techniques::direct::Permutations;
+use chiaro_techniques::frame::{FrameData, LightData};
 use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
+use chiaro_techniques::light::grid_size;
+use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::shadow::{CameraView, FitInputs, ShadowPlan, ShadowViews, fit};
-use chiaro_techniques::shared::frame::{FrameData, LightData};
-use chiaro_techniques::surface::SceneFacts;
-use chiaro_techniques::surface::culling::{Culling, ListRoom};
-use chiaro_techniques::surface::raster::ComputeRaster;
-use chiaro_techniques::surface::view::ViewData;
+use chiaro_techniques::view::ViewData;
+use chiaro_techniques::view::culling::{Culling, ListRoom};
+use chiaro_techniques::view::raster::ComputeRaster;
 use chiaro_techniques::{Kit, caustics, shaders};
 use glam::{Mat4, Vec2, Vec3};
 
@@ -207,7 +208,10 @@ impl Renderer {
         if size_px.iter().any(|&side| side == 0 || side > most) {
             return Err(Error::Size { size: size_px, most });
         }
-        assert!(self.facts.serve(scene.gpu.facts), "passes were compiled for less than the scene needs: plan");
+        assert!(
+            self.facts.serve(scene.gpu.facts),
+            "passes were compiled for less than the scene needs: plan"
+        );
         let settings = &self.resolved;
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
         let steady = view.clip_from_ws(size_px, Vec2::ZERO);

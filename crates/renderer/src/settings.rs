@@ -7,7 +7,7 @@ use chiaro_techniques::indirect::IndirectSettings;
 use chiaro_techniques::post::CameraSettings;
 use chiaro_techniques::settings::{Field, SettingsGroup};
 use chiaro_techniques::shadow::ShadowSettings;
-use chiaro_techniques::surface::{Raster, SurfaceSettings};
+use chiaro_techniques::view::{Raster, SurfaceSettings};
 
 use crate::Error;
 

@@ -2,13 +2,13 @@
 
 use chiaro_gpu::{Buffer, Group, History};
 use chiaro_techniques::direct::LightRoom;
+use chiaro_techniques::frame::FrameGroup;
 use chiaro_techniques::indirect::SkyView;
 use chiaro_techniques::shadow::ShadowRoom;
-use chiaro_techniques::shared::frame::FrameGroup;
-use chiaro_techniques::surface::SurfaceRoom;
-use chiaro_techniques::surface::culling::ListRoom;
-use chiaro_techniques::surface::view::ViewTable;
 use chiaro_techniques::transparency::LayerRoom;
+use chiaro_techniques::view::SurfaceRoom;
+use chiaro_techniques::view::ViewTable;
+use chiaro_techniques::view::culling::ListRoom;
 use glam::{DVec3, Mat4};
 
 use crate::Renderer;

@@ -3,8 +3,8 @@
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::{Gpu, GpuError, GroupLayout};
 
-use crate::shared::frame::FrameGroup;
-use crate::surface::SceneGpu;
+use crate::frame::FrameGroup;
+use crate::scene::SceneGpu;
 
 /// What every pass is compiled with, and scenes are uploaded with. Cheap to clone, and sent to other threads.
 #[derive(Clone, Debug)]

@@ -5,22 +5,22 @@ use std::mem::offset_of;
 use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
-use crate::motion::{DeformJob, InstanceMove};
+use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::reference::bvh::refit::{NodeBox, RefitJob};
 use crate::reference::first_hit::FirstHitPass;
 use crate::reference::path::PathPass;
 use crate::reference::path::noise::NoiseInput;
 use crate::reference::photon::PhotonPass;
+use crate::scene::clusters::ClusterData;
+use crate::scene::material::MaterialData;
+use crate::scene::motion::{DeformJob, InstanceMove};
+use crate::scene::{InstanceData, ItemData};
 use crate::shaders;
 use crate::shadow::cascades::SunFit;
 use crate::shadow::moments::Blur;
-use crate::shared::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
-use crate::surface::clusters::ClusterData;
-use crate::surface::culling::CullClasses;
-use crate::surface::material::MaterialData;
-use crate::surface::raster::RasterData;
-use crate::surface::scene::{InstanceData, ItemData};
-use crate::surface::view::ViewData;
+use crate::view::ViewData;
+use crate::view::culling::CullClasses;
+use crate::view::raster::RasterData;
 
 macro_rules! same {
     ($linked:expr, $rust:ty, $wesl:literal, $($field:ident),+ $(,)?) => {
@@ -124,7 +124,7 @@ fn rust_structs_equal_their_wesl_twins() {
         border,
         reserved,
     );
-    let resolve = &linked("surface/resolve.cs.wesl");
+    let resolve = &linked("view/resolve.cs.wesl");
     same!(
         resolve,
         ClusterData,
@@ -251,7 +251,7 @@ fn rust_structs_equal_their_wesl_twins() {
     );
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
     same!(
-        &linked("surface/cull_count.cs.wesl"),
+        &linked("view/cull_count.cs.wesl"),
         ViewData,
         "View",
         clip_from_ws,
@@ -270,10 +270,10 @@ fn rust_structs_equal_their_wesl_twins() {
         slot,
         reserved,
     );
-    let instances = &linked("motion/instances.cs.wesl");
+    let instances = &linked("scene/motion/instances.cs.wesl");
     same!(instances, InstanceMove, "InstanceMove", world_from_object, max_scale, flags, instance, reserved);
     same!(
-        &linked("motion/deform.cs.wesl"),
+        &linked("scene/motion/deform.cs.wesl"),
         DeformJob,
         "DeformJob",
         cluster,
@@ -295,8 +295,8 @@ fn rust_structs_equal_their_wesl_twins() {
         reserved1,
         weights
     );
-    same!(&linked("surface/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride, row);
-    let raster = &linked("surface/raster/resolve.cs.wesl");
+    same!(&linked("view/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride, row);
+    let raster = &linked("view/raster/resolve.cs.wesl");
     same!(raster, RasterData, "Raster", size, columns, texels, first, capacity, phase, reserved);
 }
 

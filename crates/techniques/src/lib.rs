@@ -11,19 +11,23 @@
 pub mod caustics;
 pub mod direct;
 pub mod environment;
+pub mod frame;
 pub mod indirect;
 mod kit;
-pub mod motion;
+pub mod light;
 pub mod post;
 pub mod reference;
+pub mod scene;
 pub mod settings;
 pub mod shaders;
 pub mod shadow;
 pub mod shared;
-pub mod surface;
 pub mod transparency;
+pub mod view;
 
 pub use kit::{Compiled, Kit, Pass};
 
 #[cfg(test)]
 mod layout_tests;
+#[cfg(test)]
+mod room_tests;

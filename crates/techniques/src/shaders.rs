@@ -14,7 +14,6 @@ const FLOAT_MAPS: &str = "float_maps";
 /// All WESL modules by path.
 pub const MODULES: &[(&str, &str)] = &[
     shader!("direct/forward.vs.wesl"),
-    shader!("direct/grid.cs.wesl"),
     shader!("direct/lighting.wesl"),
     shader!("direct/shade.cs.wesl"),
     shader!("environment/background.vs.wesl"),
@@ -23,8 +22,10 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("environment/lookup.wesl"),
     shader!("environment/prefilter.cs.wesl"),
     shader!("environment/project.cs.wesl"),
-    shader!("motion/deform.cs.wesl"),
-    shader!("motion/instances.cs.wesl"),
+    shader!("frame/frame.wesl"),
+    shader!("light/froxels.wesl"),
+    shader!("light/grid.cs.wesl"),
+    shader!("light/incoming.wesl"),
     shader!("post/accumulate.cs.wesl"),
     shader!("post/aov.cs.wesl"),
     shader!("post/bins.wesl"),
@@ -48,6 +49,13 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("reference/photon/map.wesl"),
     shader!("reference/photon/trace.cs.wesl"),
     shader!("reference/traverse.wesl"),
+    shader!("scene/geometry.wesl"),
+    shader!("scene/material.wesl"),
+    shader!("scene/motion/deform.cs.wesl"),
+    shader!("scene/motion/instances.cs.wesl"),
+    shader!("scene/scene.wesl"),
+    shader!("scene/surface.wesl"),
+    shader!("scene/texture.wesl"),
     shader!("shadow/depth.vs.wesl"),
     shader!("shadow/depth_bounds.cs.wesl"),
     shader!("shadow/fit.cs.wesl"),
@@ -65,14 +73,6 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shadow/moments/warp.wesl"),
     shader!("shadow/paraboloid.vs.wesl"),
     shader!("shadow/projection.wesl"),
-    shader!("surface/raster/cutout.wesl"),
-    shader!("surface/raster/draw.wesl"),
-    shader!("surface/raster/outline.wesl"),
-    shader!("surface/raster/raster.wesl"),
-    shader!("surface/raster/resolve.cs.wesl"),
-    shader!("surface/raster/tile.wesl"),
-    shader!("surface/raster/tiles.cs.wesl"),
-    shader!("surface/raster/triangles.cs.wesl"),
     shader!("shadow/tint.vs.wesl"),
     shader!("shared/albedo_table.cs.wesl"),
     shader!("shared/brdf.wesl"),
@@ -80,24 +80,26 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shared/color.wesl"),
     shader!("shared/depth.wesl"),
     shader!("shared/footprint.wesl"),
-    shader!("shared/frame.wesl"),
     shader!("shared/hash.wesl"),
     shader!("shared/oct.wesl"),
-    shader!("shared/scene.wesl"),
-    shader!("surface/cull.wesl"),
-    shader!("surface/cull_count.cs.wesl"),
-    shader!("surface/cull_expand.cs.wesl"),
-    shader!("surface/cull_scan.cs.wesl"),
-    shader!("surface/geometry.wesl"),
-    shader!("surface/material.wesl"),
-    shader!("surface/resolve.cs.wesl"),
-    shader!("surface/surface.wesl"),
-    shader!("surface/texture.wesl"),
-    shader!("surface/view.wesl"),
-    shader!("surface/visibility.vs.wesl"),
     shader!("transparency/behind.cs.wesl"),
     shader!("transparency/shade.cs.wesl"),
-    shader!("transparency/through.wesl"),
+    shader!("view/cull.wesl"),
+    shader!("view/cull_count.cs.wesl"),
+    shader!("view/cull_expand.cs.wesl"),
+    shader!("view/cull_scan.cs.wesl"),
+    shader!("view/raster/cutout.wesl"),
+    shader!("view/raster/draw.wesl"),
+    shader!("view/raster/outline.wesl"),
+    shader!("view/raster/raster.wesl"),
+    shader!("view/raster/resolve.cs.wesl"),
+    shader!("view/raster/tile.wesl"),
+    shader!("view/raster/tiles.cs.wesl"),
+    shader!("view/raster/triangles.cs.wesl"),
+    shader!("view/resolve.cs.wesl"),
+    shader!("view/through.wesl"),
+    shader!("view/view.wesl"),
+    shader!("view/visibility.vs.wesl"),
 ];
 
 /// The modules as a library to link from.
@@ -109,12 +111,12 @@ pub fn library() -> Library {
 /// every entry file stands here.
 pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
-        "direct/grid.cs.wesl",
+        "light/grid.cs.wesl",
         "environment/halve.cs.wesl",
         "environment/prefilter.cs.wesl",
         "environment/project.cs.wesl",
-        "motion/deform.cs.wesl",
-        "motion/instances.cs.wesl",
+        "scene/motion/deform.cs.wesl",
+        "scene/motion/instances.cs.wesl",
         "post/accumulate.cs.wesl",
         "post/exposure.cs.wesl",
         "post/histogram.cs.wesl",
@@ -126,9 +128,9 @@ pub fn permutations() -> Vec<Permutation> {
         "shadow/fit.cs.wesl",
         "shadow/tint.vs.wesl",
         "shared/albedo_table.cs.wesl",
-        "surface/cull_count.cs.wesl",
-        "surface/cull_expand.cs.wesl",
-        "surface/cull_scan.cs.wesl",
+        "view/cull_count.cs.wesl",
+        "view/cull_expand.cs.wesl",
+        "view/cull_scan.cs.wesl",
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
     all.extend([debug_view(Viewed::Grid, false), background(), photon_trace(), first_hit()]);
@@ -182,7 +184,7 @@ pub fn plain(entry: &'static str) -> Permutation {
 
 /// Surface buffer from visibility; with `emissive`, radiance of glowing surfaces too, with `through`, what passes.
 pub fn resolve(emissive: bool, through: bool) -> Permutation {
-    Permutation::plain("surface/resolve.cs.wesl").flag("emissive", emissive).flag("through", through)
+    Permutation::plain("view/resolve.cs.wesl").flag("emissive", emissive).flag("through", through)
 }
 
 /// The picture so far and its mips; `whole` copies it too.
@@ -261,17 +263,17 @@ pub fn shadow_paraboloid(masked: bool, cull_front: bool) -> Permutation {
 
 /// Small triangles of views, drawn in compute; larger ones in tiles. With `numbers`, what each texel shows, too.
 pub fn raster_triangles(masked: bool, numbers: bool) -> Permutation {
-    raster("surface/raster/triangles.cs.wesl", numbers).flag("masked", masked)
+    raster("view/raster/triangles.cs.wesl", numbers).flag("masked", masked)
 }
 
 /// Tiles of large triangles of views.
 pub fn raster_tiles(masked: bool, numbers: bool) -> Permutation {
-    raster("surface/raster/tiles.cs.wesl", numbers).flag("masked", masked)
+    raster("view/raster/tiles.cs.wesl", numbers).flag("masked", masked)
 }
 
 /// What was drawn in compute as textures.
 pub fn raster_resolve(numbers: bool) -> Permutation {
-    raster("surface/raster/resolve.cs.wesl", numbers)
+    raster("view/raster/resolve.cs.wesl", numbers)
 }
 
 fn raster(entry: &'static str, numbers: bool) -> Permutation {
@@ -291,7 +293,7 @@ pub enum Layer {
 
 /// The visibility buffer.
 pub fn visibility(indexed: bool, masked: bool, layer: Layer) -> Permutation {
-    Permutation::plain("surface/visibility.vs.wesl")
+    Permutation::plain("view/visibility.vs.wesl")
         .flag("indexed", indexed)
         .flag("masked", masked)
         .flag("layer", layer != Layer::None)
@@ -338,6 +340,6 @@ mod tests {
 
     #[test]
     fn an_unknown_flag_is_an_error() {
-        assert!(library().link(&Permutation::plain("surface/resolve.cs.wesl")).is_err());
+        assert!(library().link(&Permutation::plain("view/resolve.cs.wesl")).is_err());
     }
 }

@@ -8,9 +8,9 @@ use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{
     Binding, Buffer, BufferReadback, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, Life, Recorder,
 };
+use chiaro_techniques::frame::{FrameData, FrameGroup};
+use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shared::albedo_table::AlbedoTable;
-use chiaro_techniques::shared::frame::{FrameData, FrameGroup};
-use chiaro_techniques::surface::SceneGpu;
 use chiaro_techniques::{Kit, Pass, shaders};
 
 /// The shared bind groups, and shaders run over them.

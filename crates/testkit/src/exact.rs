@@ -4,8 +4,8 @@
 
 use chiaro::View;
 use chiaro::scene::{Pose, Scene};
-use chiaro_techniques::direct::light_data;
-use chiaro_techniques::shared::frame::LightData;
+use chiaro_techniques::frame::LightData;
+use chiaro_techniques::light::light_data;
 use glam::{Vec2, Vec3};
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;

@@ -220,7 +220,8 @@ impl Picture {
         passes.display.record(frame, &renderer.settings().camera, (sum, self.unlit.as_ref()), picture);
         self.truth = None;
         if let Some((scratch, picture)) = buffer {
-            self.drawn = Some(buffers::draw(frame, (engine, state), stage, &outputs, shown, (scratch, picture)));
+            self.drawn =
+                Some(buffers::draw(frame, (engine, state), stage, &outputs, shown, (scratch, picture)));
         }
     }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use chiaro::techniques::environment::EnvironmentSettings;
 use chiaro::techniques::post::Summed;
-use chiaro::techniques::surface::Lighting;
+use chiaro::techniques::view::Lighting;
 use chiaro::{BufferReadback, FirstHit, Frame, Gpu, Integrator, Reference, ReferenceOptions, Settings, View};
 use web_time::Instant;
 

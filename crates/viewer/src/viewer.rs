@@ -610,7 +610,7 @@ impl Viewer {
             return;
         }
         let known = engine.renderer.permutations();
-        if let Ok(plan) = engine.renderer.plan(free, chiaro::techniques::surface::SceneFacts::default())
+        if let Ok(plan) = engine.renderer.plan(free, chiaro::techniques::scene::SceneFacts::default())
             && plan.is_empty()
             && plan.permutations() == known
             && let Ok(nothing) = Rebuilt::new(plan, known, false)

@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 use chiaro_gpu::Gpu;
-use chiaro_techniques::shared::frame::{FIRST_LIGHT_BYTES, FrameData, FrameGroup, LightData};
+use chiaro_techniques::frame::{FIRST_LIGHT_BYTES, FrameData, FrameGroup, LightData};
 use glam::Vec2;
 
 use crate::{LoadedScene, Settings, View};

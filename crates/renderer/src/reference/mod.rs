@@ -5,15 +5,15 @@ mod options;
 
 use chiaro_gpu::{Buffer, Frame, Gpu, Readback, Texture, wgpu};
 use chiaro_scene::{Pose, Scene};
-use chiaro_techniques::motion::Motion;
+use chiaro_techniques::Pass;
+use chiaro_techniques::frame::FrameGroup;
 use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceScene};
 use chiaro_techniques::reference::first_hit::{FirstHitSum, FirstHitTracer};
 use chiaro_techniques::reference::path::{Interfaces, PathNoise, PathOptions, PathSum, PathTracer};
 use chiaro_techniques::reference::photon::{PhotonMap, PhotonOptions, PhotonTracer, PhotonView, Specular};
-use chiaro_techniques::Pass;
+use chiaro_techniques::scene::SceneFacts;
+use chiaro_techniques::scene::motion::Motion;
 use chiaro_techniques::shared::albedo_table::AlbedoTable;
-use chiaro_techniques::shared::frame::FrameGroup;
-use chiaro_techniques::surface::SceneFacts;
 use glam::Vec3;
 
 pub use chiaro_techniques::reference::first_hit::FirstHit;

@@ -11,21 +11,17 @@
 //!
 //! Cost: 24 bytes a pixel read, 8 written, and per light the BRDF and the filter's taps.
 
-mod lights;
-
-pub use lights::{grid_size, illuminance_scale, light_data};
-
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, Bind, Buffer, ComputePipeline, DepthAttachment, Dispatch, Draw, Frame, Gpu, GpuError, Group,
-    Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
-    parallel,
+    Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool, parallel,
 };
 
+use crate::scene::OPAQUE;
+use crate::scene::{SceneFacts, SceneGpu};
 use crate::shadow::{Lookup, ShadowOutputs, ShadowSettings};
-use crate::surface::culling::{DEPTH_COMPARE, DrawLists, Kinds, draw_classes, kinds};
-use crate::surface::scene::OPAQUE;
-use crate::surface::{SceneFacts, SceneGpu, SurfaceBuffer, cull_mode};
+use crate::view::culling::{DEPTH_COMPARE, DrawLists, Kinds, draw_classes, kinds};
+use crate::view::{SurfaceBuffer, cull_mode};
 use crate::{Kit, Pass, shaders};
 
 /// What shaders are compiled for.
@@ -88,7 +84,7 @@ impl Pass for DirectLight {
         let shared = &[frame_layout, scene_layout];
         let constants = permutations.constants(gpu);
         let float_maps = permutations.shadow.float_maps;
-        let grid = || ComputePipeline::new(gpu, library, &shaders::plain("direct/grid.cs.wesl"), shared, &[]);
+        let grid = || ComputePipeline::new(gpu, library, &shaders::plain("light/grid.cs.wesl"), shared, &[]);
         let Some(msaa) = permutations.forward else {
             let shade = shaders::shade(permutations.facts.glows, float_maps);
             let (shade, grid) =

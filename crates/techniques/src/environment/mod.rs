@@ -31,6 +31,7 @@ use chiaro_gpu::{
 use chiaro_scene as cs;
 use glam::Vec3;
 
+use crate::frame::environment_sampler;
 use crate::shaders;
 
 /// Sides of faces; the least still has enough mips to tell roughnesses apart.
@@ -51,12 +52,6 @@ pub struct EnvironmentMap {
     pub peak: f32,
     /// Its light.
     pub harmonics: Harmonics,
-}
-
-/// A cube of one black texel a face, for scenes without an environment.
-pub fn none(gpu: &Gpu) -> Texture {
-    let options = TextureOptions::cube(1, 1, TextureFormat::Rgba16Float, TextureUsages::TEXTURE_BINDING);
-    Texture::new(gpu, "environment", Life::Kept, options)
 }
 
 impl EnvironmentMap {
@@ -138,7 +133,7 @@ fn record(
         },
     );
     let (prefilter, project, halve) = (prefilter?, project?, halve?);
-    let sampler = sampler(&gpu);
+    let sampler = environment_sampler(&gpu);
     let side = plain.options().width;
     let over = |mip: u32| Dispatch::Threads([(side >> mip).max(1), (side >> mip).max(1), 6]);
     for target in [plain, texture] {
@@ -174,15 +169,4 @@ pub(crate) struct Lobe {
     pub(crate) samples: u32,
     pub(crate) reserved0: u32,
     pub(crate) reserved1: u32,
-}
-
-/// Blends texels and mips.
-pub fn sampler(gpu: &Gpu) -> wgpu::Sampler {
-    gpu.device.create_sampler(&wgpu::SamplerDescriptor {
-        label: Some("environment"),
-        mag_filter: wgpu::FilterMode::Linear,
-        min_filter: wgpu::FilterMode::Linear,
-        mipmap_filter: wgpu::MipmapFilterMode::Linear,
-        ..Default::default()
-    })
 }

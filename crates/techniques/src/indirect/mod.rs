@@ -9,7 +9,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec3, Vec4};
 
-use crate::shared::frame::LightData;
+use crate::frame::LightData;
 use crate::{choice, settings};
 
 choice! {

@@ -3,7 +3,7 @@
 use chiaro_scene::Scene;
 use glam::{UVec3, Vec3};
 
-use crate::surface::material::see_through;
+use crate::scene::material::see_through;
 
 /// Cells along the scene's longest side.
 const CELLS: f32 = 128.0;

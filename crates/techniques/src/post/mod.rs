@@ -25,7 +25,7 @@ use chiaro_gpu::{
 use crate::direct::{Permutations, lighting_binds, surface_binds};
 use crate::shaders;
 use crate::shadow::ShadowOutputs;
-use crate::surface::SurfaceBuffer;
+use crate::view::SurfaceBuffer;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

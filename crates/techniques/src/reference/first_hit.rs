@@ -17,8 +17,8 @@ use chiaro_gpu::{
 };
 
 use crate::reference::bvh::{TraceFacts, TraceScene};
+use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;
-use crate::surface::{SceneFacts, SceneGpu};
 
 /// Twin of `FirstHitPass` in `first_hit.cs.wesl`.
 #[repr(C)]

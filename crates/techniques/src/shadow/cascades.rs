@@ -17,9 +17,9 @@ use super::casters::Shadowed;
 use super::project::{corners, light_axes, reversed_orthographic, slack};
 use super::views::{Maker, ShadowView, ShadowViews};
 use super::{CameraView, CascadeSelect, Fit, FitInputs, Representation};
+use crate::frame::{LightData, ShadowViewData};
 use crate::shaders;
-use crate::shared::frame::{LightData, ShadowViewData};
-use crate::surface::view::{Hole, ViewData};
+use crate::view::{Hole, ViewData};
 
 /// Radii are rounded up to these parts of an octave, so that rounding errors do not move edges.
 const RADIUS_STEPS: f32 = 32.0;

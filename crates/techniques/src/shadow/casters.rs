@@ -9,7 +9,7 @@ use chiaro_scene as cs;
 use glam::{Affine3A, Vec3};
 
 use super::project::corners;
-use crate::motion::{bounds_over_time, union};
+use crate::scene::motion::{bounds_over_time, union};
 
 /// A box: smallest and largest corner, world space, metres.
 type Bounds = (Vec3, Vec3);

@@ -40,7 +40,7 @@ pub use views::{CameraView, FitInputs, ShadowView, ShadowViews, fit};
 
 use chiaro_gpu::Gpu;
 
-use crate::shared::frame::ShadowParameters;
+use crate::frame::ShadowParameters;
 
 /// What shaders that look shadows up are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

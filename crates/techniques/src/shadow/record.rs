@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Bind, DepthAttachment, Frame, Gpu, GpuError, Group, History, Life, RenderPipeline,
-    RenderPipelineOptions, Targets, Texture, TextureOptions, parallel,
+    Bind, DepthAttachment, Frame, Gpu, GpuError, Group, History, Life, RenderPipeline, RenderPipelineOptions,
+    Targets, Texture, TextureOptions, parallel,
 };
 use glam::Vec4Swizzles;
 
@@ -15,12 +15,12 @@ use super::moments::{MomentKey, MomentOutputs, MomentRoom, Moments};
 use super::tint::{Tint, TintMaps};
 use super::views::{ShadowView, ShadowViews};
 use super::{Fit, PointLayout, ShadowSettings};
-use crate::shared::frame::{FrameGroup, ShadowViewData};
-use crate::surface::culling::{Culling, DEPTH_COMPARE, DrawLists, Kinds, ListRoom, draw_classes, kinds};
-use crate::surface::raster::{ComputeRaster, Draws, RasterRoom};
-use crate::surface::scene::{CLASSES, OPAQUE};
-use crate::surface::view::{ViewData, ViewTable};
-use crate::surface::{SceneFacts, SceneGpu};
+use crate::frame::{FrameGroup, ShadowViewData};
+use crate::scene::{CLASSES, OPAQUE};
+use crate::scene::{SceneFacts, SceneGpu};
+use crate::view::culling::{Culling, DEPTH_COMPARE, DrawLists, Kinds, ListRoom, draw_classes, kinds};
+use crate::view::raster::{ComputeRaster, Draws, RasterRoom};
+use crate::view::{ViewData, ViewTable};
 use crate::{Kit, Pass, shaders};
 
 /// What [`ShadowMaps::record`] writes.
@@ -253,8 +253,7 @@ impl ShadowMaps {
         let computed = self.raster.is_some();
         let tinted = if self.tint.is_some() { [resolution, layers] } else { [1, 1] };
         let serves = |room: &ShadowRoom| {
-            let [maps, tint] =
-                [&room.outputs.maps, &room.outputs.tint.tint].map(|maps| *maps.options());
+            let [maps, tint] = [&room.outputs.maps, &room.outputs.tint.tint].map(|maps| *maps.options());
             [maps.width, maps.layers.unwrap_or(1)] == [resolution, layers]
                 && (maps.format == TextureFormat::R32Float) == computed
                 && [tint.width, tint.layers.unwrap_or(1)] == tinted

@@ -1,6 +1,6 @@
 //! Settings of shadow maps, and which of them go together.
 
-use crate::surface::Raster;
+use crate::view::Raster;
 use crate::{choice, settings};
 
 choice! {

@@ -5,7 +5,7 @@ use glam::{Mat4, Vec2, Vec3, Vec4};
 use super::CameraView;
 use super::project::{corners, light_axes, reversed_orthographic, slack};
 use super::views::{Maker, ShadowView};
-use crate::shared::frame::{LightData, ShadowViewData};
+use crate::frame::{LightData, ShadowViewData};
 
 pub(super) fn fit(light: &LightData, make: &Maker<'_>, layer: u32) -> ShadowView {
     let bounds = make.shadowed(light.direction_ws.into()).region;

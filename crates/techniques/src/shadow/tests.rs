@@ -4,7 +4,7 @@ use glam::{Mat4, Vec2, Vec3};
 
 use super::project::{corners, reversed_perspective};
 use super::*;
-use crate::shared::frame::LightData;
+use crate::frame::LightData;
 
 fn light(kind: u32, direction: Vec3) -> LightData {
     LightData {

@@ -11,10 +11,10 @@ use chiaro_gpu::{
     RenderPipelineOptions, Targets, Texture, TextureOptions,
 };
 
+use crate::scene::SEE_THROUGH;
+use crate::scene::SceneFacts;
 use crate::shaders;
-use crate::surface::SceneFacts;
-use crate::surface::culling::{DrawLists, Kinds, draw_classes, kinds};
-use crate::surface::scene::SEE_THROUGH;
+use crate::view::culling::{DrawLists, Kinds, draw_classes, kinds};
 
 /// The maps of see-through casters; stand-ins of one texel where there are none.
 #[derive(Clone, Debug)]

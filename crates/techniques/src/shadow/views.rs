@@ -6,8 +6,8 @@ use super::casters::Shadowed;
 use super::moments::Moments;
 use super::project::{corners, light_axes, reversed_perspective};
 use super::{Casters, Filter, Layout, PointLayout, ShadowSettings, cascades, single};
-use crate::shared::frame::{LightData, MAX_SHADOW_VIEWS, ShadowViewData};
-use crate::surface::view::Hole;
+use crate::frame::{LightData, MAX_SHADOW_VIEWS, ShadowViewData};
+use crate::view::Hole;
 
 /// A perspective map covers at most this angle from side to side; wider cones take a point light's layout.
 const MAX_SPOT_ANGLE_RAD: f32 = 160.0 * std::f32::consts::PI / 180.0;

@@ -1,4 +1,3 @@
-//! What all techniques share: the frame and scene bind groups and the WESL libraries.
+//! What all techniques share: the BRDF and its table, sampling, colour, unit vectors, hashes.
 
 pub mod albedo_table;
-pub mod frame;

@@ -26,17 +26,17 @@
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, Binding, Buffer, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group,
-    Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool,
-    parallel,
+    Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool, parallel,
 };
 
 use crate::direct::lighting_binds;
+use crate::scene::SEE_THROUGH;
+use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders::{self, Layer};
 use crate::shadow::{Lookup, ShadowOutputs};
-use crate::surface::culling::{DEPTH_COMPARE, DrawLists, Kinds, draw_classes, kinds};
-use crate::surface::scene::SEE_THROUGH;
-use crate::surface::view::ViewTable;
-use crate::surface::{SceneFacts, SceneGpu, cull_mode};
+use crate::view::ViewTable;
+use crate::view::cull_mode;
+use crate::view::culling::{DEPTH_COMPARE, DrawLists, Kinds, draw_classes, kinds};
 use crate::{Kit, Pass};
 
 /// Sides of the copied picture are multiples of this, so that all its mips are exact halves.
@@ -189,7 +189,8 @@ impl Transparency {
                 ("through", (&room.through).into()),
             ];
             binds.extend(room.emissive.as_ref().map(|emissive| ("emissive", emissive.into())));
-            let resolve = [&binds[..], &[("draw_list", (&lists.list).into()), ("view", table.view(view))]].concat();
+            let resolve =
+                [&binds[..], &[("draw_list", (&lists.list).into()), ("view", table.view(view))]].concat();
             frame.compute("transparency/resolve", &self.resolve, shared, &resolve, pixels);
             self.record_behind(frame, radiance, &room.behind);
             binds.extend(lighting_binds(shadows, light_grid));

@@ -5,7 +5,7 @@ use std::f32::consts::TAU;
 use bytemuck::{Pod, Zeroable};
 use chiaro::scene::Material;
 use chiaro_gpu::Dispatch;
-use chiaro_techniques::surface::SceneGpu;
+use chiaro_techniques::scene::SceneGpu;
 use chiaro_testkit::{Bench, Stage, device};
 use glam::{DVec3, Vec3};
 

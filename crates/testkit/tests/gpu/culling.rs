@@ -5,11 +5,12 @@ use chiaro::View;
 use chiaro::scene::{self, Scene};
 use chiaro_gpu::{Buffer, Dispatch, Frame, Gpu, Recorder, TexturePool};
 use chiaro_techniques::Pass;
-use chiaro_techniques::shared::frame::FrameData;
-use chiaro_techniques::surface::culling::{Culling, ListRoom};
-use chiaro_techniques::surface::scene::CLASSES;
-use chiaro_techniques::surface::view::{Hole, ViewData, ViewTable};
-use chiaro_techniques::surface::{Raster, SceneGpu, SurfaceKey, SurfaceSettings, Surfaces};
+use chiaro_techniques::frame::FrameData;
+use chiaro_techniques::scene::CLASSES;
+use chiaro_techniques::scene::SceneGpu;
+use chiaro_techniques::view::culling::{Culling, ListRoom};
+use chiaro_techniques::view::{Hole, ViewData, ViewTable};
+use chiaro_techniques::view::{Raster, SurfaceKey, SurfaceSettings, Surfaces};
 use chiaro_testkit::{Bench, Output, Stage, Studio, camera_above, device, device_guaranteed, direct};
 use glam::{Affine3A, Mat4, Vec2, Vec3, Vec4};
 

@@ -5,9 +5,9 @@ use std::f32::consts::{PI, TAU};
 use bytemuck::{Pod, Zeroable};
 use chiaro::scene::{Environment, LightKind, Material, Scene};
 use chiaro_gpu::Dispatch;
+use chiaro_techniques::frame::FrameData;
 use chiaro_techniques::reference::bvh::TraceData;
-use chiaro_techniques::shared::frame::FrameData;
-use chiaro_techniques::surface::SceneGpu;
+use chiaro_techniques::scene::SceneGpu;
 use chiaro_testkit::{Bench, Stage, device_guaranteed};
 use glam::{Vec2, Vec3};
 

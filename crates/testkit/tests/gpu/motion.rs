@@ -5,8 +5,8 @@ use std::f32::consts::TAU;
 use chiaro::scene::{
     Animation, Channel, Interpolation, Keys, Mesh, MorphTarget, Node, Primitive, Scene, Skin, Transform,
 };
-use chiaro::techniques::surface::clusters::ClusterData;
-use chiaro::techniques::surface::scene::InstanceData;
+use chiaro::techniques::scene::InstanceData;
+use chiaro::techniques::scene::clusters::ClusterData;
 use chiaro::{Aov, LoadedScene, Recorder, View};
 use chiaro_gpu::{Buffer, BufferReadback};
 use chiaro_testkit::{Stage, Studio, device, direct, nmae};

@@ -94,7 +94,7 @@ fn a_steady_frame_allocates_nothing() {
         let mut studio = Studio::new(&gpu, settings(pipeline, msaa));
         let loaded = studio.load(&scene);
         let mut state = chiaro::ViewState::new(&studio.renderer);
-    let mut recorder = Recorder::new(&gpu, false);
+        let mut recorder = Recorder::new(&gpu, false);
         let mut steady = None;
         for index in 0..40 {
             // The camera moves, as it does where frames follow each other.

@@ -5,18 +5,16 @@ use chiaro::Pipeline;
 use chiaro::scene::{self, AlphaMode, Filter, Id, LightKind, Material, Mesh, Primitive, Scene, Wrap};
 use chiaro_gpu::wgpu::{Face, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    DepthAttachment, Gpu, Life, Readback, Recorder, RenderPipeline, RenderPipelineOptions,
-    Targets, Texture, TextureOptions,
+    DepthAttachment, Gpu, Life, Readback, Recorder, RenderPipeline, RenderPipelineOptions, Targets, Texture,
+    TextureOptions,
 };
+use chiaro_techniques::frame::FrameData;
+use chiaro_techniques::scene::CLASSES;
+use chiaro_techniques::scene::SceneGpu;
+use chiaro_techniques::view::culling::{Culling, DEPTH_COMPARE, DrawLists, ListRoom, draw_classes, kinds};
+use chiaro_techniques::view::raster::{ComputeRaster, Draws};
+use chiaro_techniques::view::{ViewData, ViewTable};
 use chiaro_techniques::{Pass, shaders};
-use chiaro_techniques::shared::frame::FrameData;
-use chiaro_techniques::surface::SceneGpu;
-use chiaro_techniques::surface::culling::{
-    Culling, DEPTH_COMPARE, DrawLists, ListRoom, draw_classes, kinds,
-};
-use chiaro_techniques::surface::raster::{ComputeRaster, Draws};
-use chiaro_techniques::surface::scene::CLASSES;
-use chiaro_techniques::surface::view::{ViewData, ViewTable};
 use chiaro_testkit::{Bench, Stage, Studio, camera_above, device, device_guaranteed, direct, nmae};
 use glam::{Affine3A, Mat4, Quat, Vec2, Vec3, Vec4};
 
@@ -71,7 +69,12 @@ impl<'a> Both<'a> {
     }
 
     /// The views' table, culled for.
-    fn lists(&mut self, frame: &mut chiaro_gpu::Frame<'_>, views: &[RasterView], side: u32) -> (ViewTable, DrawLists) {
+    fn lists(
+        &mut self,
+        frame: &mut chiaro_gpu::Frame<'_>,
+        views: &[RasterView],
+        side: u32,
+    ) -> (ViewTable, DrawLists) {
         let views: Vec<_> = views.iter().map(|view| view.data(side)).collect();
         let mut table = ViewTable::new(self.gpu);
         table.set(self.gpu, &views, &[], views.len());

@@ -4,8 +4,8 @@ use bytemuck::{Pod, Zeroable};
 use chiaro::Gpu;
 use chiaro::scene::{Filter, ImageData, Material, Scene, Texture, TextureRef, Wrap};
 use chiaro_gpu::Dispatch;
-use chiaro_techniques::shared::frame::FrameData;
-use chiaro_techniques::surface::SceneGpu;
+use chiaro_techniques::frame::FrameData;
+use chiaro_techniques::scene::SceneGpu;
 use chiaro_testkit::{Bench, Stage, device, device_guaranteed};
 use glam::{Vec2, Vec3};
 

@@ -11,10 +11,10 @@ use chiaro::scene::{
 use chiaro_gpu::shader::Permutation;
 use chiaro_gpu::wgpu::{TextureFormat, TextureUsages};
 use chiaro_gpu::{ComputePipeline, Dispatch, Gpu, Life, Readback, Recorder, Texture, TextureOptions};
-use chiaro_techniques::motion::Motion;
 use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceFacts, TraceScene, WORN};
+use chiaro_techniques::scene::SceneGpu;
+use chiaro_techniques::scene::motion::Motion;
 use chiaro_techniques::{Pass, shaders};
-use chiaro_techniques::surface::SceneGpu;
 use chiaro_testkit::{Bench, Exact, Stage, device_guaranteed};
 use glam::{Affine3A, Quat, Vec3};
 

@@ -38,12 +38,9 @@ fn frames(seen: &[View]) -> Vec<(Vec<Vec<f32>>, [Vec<u32>; 2])> {
             loaded.set_pose(&source, &source.pose(time_s));
             let mut frame = recorder.begin();
             let views = seen.iter().zip(&mut states);
-            let sums: Vec<_> =
-                views.map(|(view, state)| picture(&mut frame, state, &loaded, view)).collect();
+            let sums: Vec<_> = views.map(|(view, state)| picture(&mut frame, state, &loaded, view)).collect();
             frame.submit();
-            let read = |sum: &Sum| {
-                Readback::start(&gpu, sum.texture()).unwrap().wait(&gpu).unwrap().floats()
-            };
+            let read = |sum: &Sum| Readback::start(&gpu, sum.texture()).unwrap().wait(&gpu).unwrap().floats();
             (sums.iter().map(read).collect(), now_and_before(&gpu, &loaded))
         })
         .to_vec()

@@ -5,8 +5,8 @@ use glam::{DMat4, DVec4, Vec3, Vec3A, Vec4};
 use obvhs::aabb::Aabb;
 
 use super::Word;
-use crate::surface::material;
-use crate::surface::scene::{Cut, Drawn, InstanceData};
+use crate::scene::material;
+use crate::scene::{Cut, Drawn, InstanceData};
 
 /// Of a triangle whose instance is the one that the ray is in, and of a tree in world space.
 pub(super) const NO_INSTANCE: u32 = u32::MAX;

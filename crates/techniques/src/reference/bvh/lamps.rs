@@ -5,7 +5,7 @@ use glam::Mat3;
 
 use super::gather::placed_triangles;
 use crate::reference::path::emitters::Emitters;
-use crate::surface::scene::Cut;
+use crate::scene::Cut;
 
 /// What lengths may be off by, relatively, before tables are made anew.
 const TOLERANCE: f32 = 1e-6;

@@ -57,8 +57,8 @@ pub use refit::{Refit, WORN};
 use tree::{LEAF, LOWER_DEPTH};
 use upper::{Place, Placed};
 
-use crate::motion::{Mover, bounds_over_time};
-use crate::surface::scene::{Cut, Drawn};
+use crate::scene::motion::{Mover, bounds_over_time};
+use crate::scene::{Cut, Drawn};
 
 /// A word of `tracer`.
 pub(crate) type Word = [u32; 4];

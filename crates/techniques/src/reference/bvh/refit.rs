@@ -10,8 +10,8 @@ use obvhs::cwbvh::{BRANCHING, CwBvh};
 use super::TraceScene;
 use super::gather::TRIANGLE;
 use super::tree::NODE;
+use crate::scene::SceneGpu;
 use crate::shaders;
-use crate::surface::SceneGpu;
 
 /// Beyond this [`TraceScene::wear`] it pays to build a scene's trees anew.
 pub const WORN: f32 = 1.5;

@@ -7,8 +7,8 @@ use obvhs::aabb::Aabb;
 use super::gather::{NO_INSTANCE, inverse_rows, moved, padded};
 use super::tree::{self, EMPTY, NODE, UPPER_DEPTH};
 use super::{TRIANGLES, Word};
-use crate::motion::Mover;
-use crate::surface::scene::instance_data;
+use crate::scene::instance_data;
+use crate::scene::motion::Mover;
 
 /// Words of an instance.
 const INSTANCE: usize = 4;

@@ -8,9 +8,9 @@ use std::f32::consts::PI;
 use chiaro_scene as cs;
 use glam::Vec3;
 
-use crate::direct::light_data;
+use crate::frame::LightData;
+use crate::light::light_data;
 use crate::reference::bvh::{TriangleRef, Word};
-use crate::shared::frame::LightData;
 
 /// Kinds, in the top bits of an emitter's third word.
 const TRIANGLE: u32 = 1 << 30;

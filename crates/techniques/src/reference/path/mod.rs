@@ -37,8 +37,8 @@ use chiaro_scene as cs;
 
 use crate::reference::bvh::{TraceFacts, TraceScene};
 use crate::reference::photon::{PhotonMap, Specular};
+use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;
-use crate::surface::{SceneFacts, SceneGpu};
 
 /// Twin of `PathPass` in `trace.cs.wesl`.
 #[repr(C)]

@@ -32,8 +32,8 @@ use glam::Vec3;
 
 use crate::reference::bvh::{TraceFacts, TraceScene};
 use crate::reference::path::Interfaces;
+use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;
-use crate::surface::{SceneFacts, SceneGpu};
 
 /// Twin of `PhotonPass` in `map.wesl`.
 #[repr(C)]

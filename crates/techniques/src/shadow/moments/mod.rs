@@ -37,8 +37,8 @@ pub(crate) use weights::Blur;
 
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Bind, Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, History, Life,
-    Texture, TextureOptions,
+    Bind, Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, History, Life, Texture,
+    TextureOptions,
 };
 
 use super::settings::{Representation, ShadowSettings};

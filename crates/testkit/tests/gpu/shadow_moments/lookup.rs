@@ -2,8 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::Dispatch;
+use chiaro_techniques::frame::FrameData;
 use chiaro_techniques::shadow::{Filter, Representation, ShadowSettings, Sigma};
-use chiaro_techniques::shared::frame::FrameData;
 use chiaro_testkit::{Bench, device, device_guaranteed};
 use glam::Vec2;
 

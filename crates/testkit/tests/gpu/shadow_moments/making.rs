@@ -1,8 +1,8 @@
 //! What lies in the maps, against the CPU.
 
+use chiaro_techniques::frame::ShadowViewData;
 use chiaro_techniques::shadow::moments::Moments;
 use chiaro_techniques::shadow::{Filter, Representation, ShadowSettings, Sigma};
-use chiaro_techniques::shared::frame::ShadowViewData;
 use chiaro_testkit::device;
 use glam::Vec2;
 

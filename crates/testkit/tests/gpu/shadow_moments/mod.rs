@@ -10,10 +10,10 @@ use chiaro_gpu::{
     Binding, DepthAttachment, Dispatch, Draw, Gpu, Life, Recorder, RenderPipeline, RenderPipelineOptions,
     Targets, Texture, TextureOptions,
 };
-use chiaro_techniques::{Pass, shaders};
+use chiaro_techniques::frame::{FrameData, ShadowViewData};
 use chiaro_techniques::shadow::moments::{MomentKey, MomentOutputs, MomentRoom, Moments};
 use chiaro_techniques::shadow::{Filter, Lookup, Representation, ShadowSettings};
-use chiaro_techniques::shared::frame::{FrameData, ShadowViewData};
+use chiaro_techniques::{Pass, shaders};
 use chiaro_testkit::Bench;
 use glam::Vec2;
 

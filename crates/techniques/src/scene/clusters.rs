@@ -1,0 +1,308 @@
+//! Geometry cut into clusters: twins of `Cluster` in `scene.wesl` and of the heap that `geometry.wesl` reads.
+//!
+//! Every primitive is cut into clusters of at most 128 triangles over at most 128 vertices (meshoptimizer), whose
+//! vertices are stored together, so that a draw list entry is an item and a byte. Cutting is most of the time that a
+//! large scene takes to upload: all primitives are cut at once, and large ones in pieces.
+
+use std::ops::Range;
+
+use bytemuck::{Pod, Zeroable};
+use chiaro_scene as cs;
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::scene::motion::rest::{self, Rest};
+
+/// See `scene.wesl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs)]
+pub struct ClusterData {
+    pub sphere: [f32; 4],
+    pub cone: [f32; 4],
+    pub positions: u32,
+    pub attributes: u32,
+    pub triangles: u32,
+    pub triangle_count: u32,
+    pub extras: u32,
+    pub material: u32,
+    pub flags: u32,
+    pub vertex_count: u32,
+}
+
+const NO_EXTRAS: u32 = u32::MAX;
+const DOUBLE_SIDED: u32 = 1;
+const BENDS: u32 = 2;
+/// A normal cone that is never culled.
+const NO_CONE: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+const MAX_CLUSTER_VERTICES: usize = 128;
+const MAX_CLUSTER_TRIANGLES: usize = 128;
+/// meshoptimizer's trade between round clusters (0) and clusters whose normals agree (1).
+const CONE_WEIGHT: f32 = 0.25;
+
+/// Triangles up to which a primitive is cut as a whole. The cutter's time grows faster than they do.
+const PIECE: usize = 1 << 17;
+
+/// A primitive's clusters, by the numbers of its vertices.
+pub(crate) struct Meshlets(Vec<Meshlet>);
+
+struct Meshlet {
+    vertices: Vec<u32>,
+    /// Corners as numbers of `vertices`.
+    triangles: Vec<u8>,
+    sphere: [f32; 4],
+    cone: [f32; 4],
+}
+
+impl Meshlets {
+    /// Cuts a primitive.
+    pub fn new(primitive: &cs::Primitive) -> Self {
+        if primitive.indices.len() <= 3 * PIECE {
+            return Self(meshlets(&primitive.positions, &primitive.indices));
+        }
+        let pieces = pieces(primitive, (0..primitive.indices.len() as u32 / 3).collect());
+        let cut = |triangles: Vec<u32>| {
+            // The cutter keeps lists of all vertices that it is given.
+            let corners = triangles.iter().flat_map(|&t| &primitive.indices[3 * t as usize..][..3]);
+            let mut vertices: Vec<u32> = corners.clone().copied().collect();
+            vertices.sort_unstable();
+            vertices.dedup();
+            let place = |vertex: &u32| vertices.partition_point(|v| v < vertex) as u32;
+            let indices: Vec<_> = corners.map(place).collect();
+            let positions: Vec<_> = vertices.iter().map(|&v| primitive.positions[v as usize]).collect();
+            let mut meshlets = meshlets(&positions, &indices);
+            for vertex in meshlets.iter_mut().flat_map(|meshlet| &mut meshlet.vertices) {
+                *vertex = vertices[*vertex as usize];
+            }
+            meshlets
+        };
+        Self(pieces.into_par_iter().flat_map_iter(cut).collect())
+    }
+}
+
+/// Halves triangles by their middles, along the longest side of the box around these, until they are few enough. Each
+/// piece keeps the file's order.
+fn pieces(primitive: &cs::Primitive, triangles: Vec<u32>) -> Vec<Vec<u32>> {
+    if triangles.len() <= PIECE {
+        return vec![triangles];
+    }
+    let middle = |t: u32| -> Vec3 {
+        let corners = &primitive.indices[3 * t as usize..][..3];
+        corners.iter().map(|&vertex| primitive.positions[vertex as usize] / 3.0).sum()
+    };
+    let (lo, hi) = triangles.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), &t| {
+        let middle = middle(t);
+        (lo.min(middle), hi.max(middle))
+    });
+    let axis = (hi - lo).max_position();
+    let mut keys: Vec<_> = triangles.iter().map(|&t| (middle(t)[axis], t)).collect();
+    let order = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    let half = keys.len() / 2;
+    let pivot = *keys.select_nth_unstable_by(half, order).1;
+    let (low, high): (Vec<_>, Vec<_>) =
+        triangles.into_iter().partition(|&t| order(&(middle(t)[axis], t), &pivot).is_lt());
+    let (mut low, high) = rayon::join(|| pieces(primitive, low), || pieces(primitive, high));
+    low.extend(high);
+    low
+}
+
+/// What meshoptimizer makes of triangles.
+fn meshlets(positions: &[Vec3], indices: &[u32]) -> Vec<Meshlet> {
+    // The stride divides the bytes and the offset is inside it, so this cannot fail.
+    let Ok(adapter) = meshopt::VertexDataAdapter::new(bytemuck::cast_slice(positions), size_of::<Vec3>(), 0)
+    else {
+        return Vec::new();
+    };
+    let meshlets =
+        meshopt::build_meshlets(indices, &adapter, MAX_CLUSTER_VERTICES, MAX_CLUSTER_TRIANGLES, CONE_WEIGHT);
+    let meshlet = |meshlet: meshopt::Meshlet<'_>| {
+        let bounds = meshopt::compute_meshlet_bounds(meshlet, &adapter);
+        Meshlet {
+            vertices: meshlet.vertices.to_vec(),
+            triangles: meshlet.triangles.to_vec(),
+            sphere: [bounds.center[0], bounds.center[1], bounds.center[2], bounds.radius],
+            cone: [bounds.cone_axis[0], bounds.cone_axis[1], bounds.cone_axis[2], bounds.cone_cutoff],
+        }
+    };
+    meshlets.iter().map(meshlet).collect()
+}
+
+/// Clusters and the words that hold their vertices and triangles.
+#[derive(Default)]
+pub(crate) struct Heap {
+    pub words: Vec<u32>,
+    pub clusters: Vec<ClusterData>,
+}
+
+/// How a primitive's vertices get into the heap.
+enum Place<'a> {
+    /// As they are, in object space.
+    Object,
+    /// Bent, in world space, to be bent again in every pose: positions now, and where the shape at rest is stored.
+    World(&'a [Vec3], &'a mut Rest, &'a mut Vec<rest::Place>),
+}
+
+impl Heap {
+    /// Puts words before all that is there.
+    pub fn begin_with(&mut self, words: &[u32]) {
+        self.words.splice(..0, words.iter().copied());
+        let by = words.len() as u32;
+        for cluster in &mut self.clusters {
+            cluster.positions += by;
+            cluster.attributes += by;
+            cluster.triangles += by;
+            if cluster.extras != NO_EXTRAS {
+                cluster.extras += by;
+            }
+        }
+    }
+
+    /// Takes a mesh whose primitives have been cut.
+    pub fn add_mesh(
+        &mut self,
+        mesh: &cs::Mesh,
+        cut: &[Meshlets],
+        materials: &[cs::Material],
+    ) -> Range<usize> {
+        let first = self.clusters.len();
+        for (primitive, meshlets) in mesh.primitives.iter().zip(cut) {
+            self.add_primitive(primitive, meshlets, &materials[primitive.material], Place::Object);
+        }
+        first..self.clusters.len()
+    }
+
+    /// Takes a mesh that bends, for one node: its vertices are its own.
+    pub fn add_bending(
+        &mut self,
+        scene: &cs::Scene,
+        (pose, node): (&cs::Pose, cs::Id),
+        cut: &[Meshlets],
+        rest: &mut Rest,
+    ) -> Range<usize> {
+        let first = self.clusters.len();
+        let Some(mesh) = scene.nodes[node].mesh else { return first..first };
+        let mut places = Vec::new();
+        for (primitive, meshlets) in scene.meshes[mesh].primitives.iter().zip(cut) {
+            let positions: Vec<_> = scene.posed_vertices(pose, node, primitive).map(|(p, _)| p).collect();
+            let place = Place::World(&positions, rest, &mut places);
+            self.add_primitive(primitive, meshlets, &scene.materials[primitive.material], place);
+        }
+        // Other nodes of the same mesh are cut alike and share its shape at rest.
+        rest.places.entry(mesh).or_insert(places);
+        first..self.clusters.len()
+    }
+
+    fn add_primitive(
+        &mut self,
+        primitive: &cs::Primitive,
+        meshlets: &Meshlets,
+        material: &cs::Material,
+        mut place: Place<'_>,
+    ) {
+        for meshlet in &meshlets.0 {
+            let cluster = ClusterData {
+                sphere: meshlet.sphere,
+                cone: meshlet.cone,
+                positions: self.words.len() as u32,
+                attributes: 0,
+                triangles: 0,
+                triangle_count: (meshlet.triangles.len() / 3) as u32,
+                extras: NO_EXTRAS,
+                material: primitive.material as u32,
+                flags: if material.double_sided { DOUBLE_SIDED } else { 0 },
+                vertex_count: meshlet.vertices.len() as u32,
+            };
+            self.add_cluster(primitive, meshlet, cluster, &mut place);
+        }
+    }
+
+    fn add_cluster(
+        &mut self,
+        primitive: &cs::Primitive,
+        meshlet: &Meshlet,
+        mut cluster: ClusterData,
+        place: &mut Place<'_>,
+    ) {
+        let vertices = || meshlet.vertices.iter().map(|&vertex| vertex as usize);
+        if let Place::World(positions, rest, places) = place {
+            cluster.flags |= BENDS;
+            cluster.cone = NO_CONE;
+            cluster.sphere = sphere(vertices().map(|vertex| positions[vertex]));
+            // Now and before.
+            for vertex in vertices().chain(vertices()) {
+                self.words.extend(positions[vertex].to_array().map(f32::to_bits));
+            }
+            places.push(rest.add_cluster(primitive, &meshlet.vertices, &meshlet.triangles));
+        } else {
+            for vertex in vertices() {
+                self.words.extend(primitive.positions[vertex].to_array().map(f32::to_bits));
+            }
+        }
+        cluster.attributes = self.words.len() as u32;
+        for vertex in vertices() {
+            let normal = primitive.normals.get(vertex).copied().unwrap_or(Vec3::Y);
+            let uv = primitive.uvs[0].get(vertex).copied().unwrap_or_default();
+            self.words.push(normal_word(normal));
+            self.words.push(primitive.tangents.get(vertex).map_or(u32::MAX, |&t| tangent_word(t)));
+            self.words.extend([uv.x.to_bits(), uv.y.to_bits()]);
+        }
+        if !primitive.uvs[1].is_empty() || !primitive.colors.is_empty() {
+            cluster.extras = self.words.len() as u32;
+            for vertex in vertices() {
+                let first = primitive.uvs[0].get(vertex).copied().unwrap_or_default();
+                let uv = primitive.uvs[1].get(vertex).copied().unwrap_or(first);
+                let color = primitive.colors.get(vertex).copied().unwrap_or(Vec4::ONE);
+                self.words.extend([uv.x.to_bits(), uv.y.to_bits(), color_word(color)]);
+            }
+        }
+        cluster.triangles = self.words.len() as u32;
+        let corners = meshlet.triangles.chunks_exact(3);
+        self.words.extend(corners.map(|c| u32::from(c[0]) | u32::from(c[1]) << 8 | u32::from(c[2]) << 16));
+        self.clusters.push(cluster);
+    }
+}
+
+/// Octahedral coordinates of a unit vector; twin of `oct_from_unit` in `oct.wesl`.
+fn oct(n: Vec3) -> Vec2 {
+    let p = Vec2::new(n.x, n.y) / (n.x.abs() + n.y.abs() + n.z.abs()).max(1e-20);
+    if n.z >= 0.0 {
+        return p;
+    }
+    let sign = |v: f32| if v >= 0.0 { 1.0 } else { -1.0 };
+    Vec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y))
+}
+
+fn snorm_pair(v: Vec2) -> u32 {
+    let code = |x: f32| u32::from((x.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
+    code(v.x) | code(v.y) << 16
+}
+
+/// A unit vector, octahedral, 16 bits a component.
+pub(crate) fn normal_word(normal: Vec3) -> u32 {
+    snorm_pair(oct(normal))
+}
+
+/// Around the middle of a box; twin of what `deform.cs.wesl` does.
+fn sphere(points: impl Iterator<Item = Vec3> + Clone) -> [f32; 4] {
+    let (lo, hi) =
+        points.clone().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
+    let center = 0.5 * (lo + hi);
+    let radius = points.map(|p| p.distance(center)).fold(0.0, f32::max);
+    center.extend(1.0001 * radius).to_array()
+}
+
+/// The bitangent's sign takes the low bit of the second component.
+pub(crate) fn tangent_word(tangent: Vec4) -> u32 {
+    let word = snorm_pair(oct(tangent.truncate())) & !(1 << 16);
+    // All ones means none; the neighbour is half a thousandth of a degree away.
+    (word | u32::from(tangent.w < 0.0) << 16).min(u32::MAX - 1)
+}
+
+/// Square roots of linear colour in unorm bytes: finer where it is dark.
+fn color_word(color: Vec4) -> u32 {
+    let code = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u32;
+    code(color.x.max(0.0).sqrt())
+        | code(color.y.max(0.0).sqrt()) << 8
+        | code(color.z.max(0.0).sqrt()) << 16
+        | code(color.w) << 24
+}
