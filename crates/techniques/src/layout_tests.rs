@@ -6,6 +6,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
 use crate::motion::{DeformJob, InstanceMove};
+use crate::post::DebugInput;
 use crate::reference::bvh::refit::{NodeBox, RefitJob};
 use crate::reference::first_hit::FirstHitPass;
 use crate::reference::path::PathPass;
@@ -248,6 +249,19 @@ fn rust_structs_equal_their_wesl_twins() {
         step_px,
         round,
         reserved
+    );
+    same!(
+        &linked("post/debug_view.cs.wesl"),
+        DebugInput,
+        "DebugInput",
+        layer,
+        mapping,
+        scale,
+        words,
+        columns,
+        reserved0,
+        reserved1,
+        reserved2,
     );
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
     same!(&linked("surface/cull_count.cs.wesl"), CullView, "CullView", planes, eye_ws, flags, hole);

@@ -22,4 +22,6 @@ pub mod surface;
 pub mod transparency;
 
 #[cfg(test)]
+mod budget_tests;
+#[cfg(test)]
 mod layout_tests;

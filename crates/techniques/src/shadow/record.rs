@@ -4,8 +4,8 @@ use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Bind, Binding, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
-    RenderPipelineOptions, Targets, Texture, TextureOptions, parallel,
+    Bind, Binding, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, Mapping,
+    RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, ViewHint, parallel,
 };
 use glam::Vec4Swizzles;
 
@@ -20,6 +20,9 @@ use crate::surface::culling::{CullView, Culling, DEPTH_COMPARE, Kinds, draw_clas
 use crate::surface::raster::{ComputeRaster, Draws, MatrixOver, RasterView};
 use crate::surface::scene::{CLASSES, OPAQUE};
 use crate::surface::{SceneFacts, SceneGpu};
+
+const MAPS: ViewHint =
+    ViewHint::new("Depth from each light, a layer each: white is near the light", Mapping::ShadowDepth);
 
 /// What [`ShadowMaps::record`] writes.
 #[derive(Clone, Debug)]
@@ -412,7 +415,7 @@ fn maps(gpu: &Gpu, resolution: u32, layers: u32, computed: bool) -> Texture {
     };
     let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC | written;
     let options = TextureOptions::new(resolution, resolution, format, usage).array(layers);
-    Texture::new(gpu, "shadow_maps", Life::Kept, options)
+    Texture::new(gpu, "shadow_maps", Life::Kept, options).described(MAPS)
 }
 
 fn draw_views(gpu: &Gpu, views: usize) -> Buffer {

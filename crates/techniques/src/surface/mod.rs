@@ -32,13 +32,17 @@ use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life,
-    RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool, parallel,
+    Mapping, RenderPipeline, RenderPipelineOptions, Scale, Targets, Texture, TextureOptions, TexturePool,
+    ViewHint, parallel,
 };
 use culling::{CullView, Culling, DrawLists, Kinds, draw_classes, kinds};
 use glam::Mat4;
 use raster::{ComputeRaster, Draws};
 
 use crate::shaders::{self, Layer};
+
+const VISIBILITY: ViewHint = ViewHint::new("Which triangle each pixel shows: a colour each", Mapping::Number);
+const EMISSIVE: ViewHint = ViewHint::scaled("What glows by itself", Mapping::Exposed, Scale::Nits);
 
 /// What [`Surfaces::record_resolve`] leaves.
 #[derive(Clone, Debug)]
@@ -181,12 +185,13 @@ impl Surfaces {
         };
         self.buffer = Some(SurfaceBuffer {
             depth: lend("depth", format, usage),
-            visibility: lend("visibility", TextureFormat::R32Uint, usage),
+            visibility: lend("visibility", TextureFormat::R32Uint, usage).described(VISIBILITY),
             surface: lend("surface", TextureFormat::Rgba32Uint, TextureUsages::STORAGE_BINDING),
             emissive: self
                 .facts
                 .glows
-                .then(|| lend("emissive", TextureFormat::Rgba16Float, TextureUsages::STORAGE_BINDING)),
+                .then(|| lend("emissive", TextureFormat::Rgba16Float, TextureUsages::STORAGE_BINDING))
+                .map(|texture| texture.described(EMISSIVE)),
         });
     }
 

@@ -39,11 +39,16 @@ use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Bind, Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life,
-    Texture, TextureOptions,
+    Mapping, Texture, TextureOptions, ViewHint,
 };
 
 use super::settings::{Representation, ShadowSettings};
 use crate::shaders;
+
+const MOMENTS: ViewHint = ViewHint::new(
+    "What was made of the depth, a layer each: the first three numbers, grey is 0",
+    Mapping::Signed,
+);
 
 /// Rows of all layers that are blurred at once take at most this much, or are those of one layer.
 const SCRATCH_BYTES: u64 = 64 << 20;
@@ -249,7 +254,7 @@ impl Moments {
         let plain = TextureOptions::new(resolution, resolution, format, usage);
         let mips = mips(self.key, resolution);
         let options = TextureOptions { mips, ..plain.array(layers) };
-        self.outputs.moments = Texture::new(gpu, "shadow_moments", Life::Kept, options);
+        self.outputs.moments = Texture::new(gpu, "shadow_moments", Life::Kept, options).described(MOMENTS);
         let filtered = gpu.optional.float32_filterable;
         self.outputs.filtered = if filtered { self.outputs.moments.clone() } else { self.stand_in.clone() };
         let at_once = scratch_layers(settings, resolution, layers);
