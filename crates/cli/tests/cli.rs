@@ -206,7 +206,8 @@ fn a_setting_or_part_that_there_is_not_is_wrong_usage_for_every_command() {
 
 #[test]
 fn what_a_frame_leaves_is_listed_and_written_by_name() {
-    let scene = ["render", "builtin:cornell", "--size", "32x24", "--samples", "2", "--set", "shadow.resolution=64"];
+    let scene =
+        ["render", "builtin:cornell", "--size", "32x24", "--samples", "2", "--set", "shadow.resolution=64"];
     let list = chiaro(&[&scene[..], &["--aov", "list"]].concat());
     assert!(list.status.success(), "{}", text(&list.stderr));
     for name in ["indirect ", "lights ", "shadow/shadow_maps ", "surface/visibility ", "direct/light_grid "] {

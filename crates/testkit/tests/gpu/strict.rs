@@ -1,9 +1,10 @@
 //! Nothing is built that a browser refuses: every kind of pass once, on a device that is strict about WebGPU.
 
 use chiaro::techniques::post::DebugView;
-use chiaro::{Aov, Error, Kind, Pipeline, Settings, StillOptions, View, scene};
+use chiaro::{Aov, Effect, Error, Kind, Pipeline, Recorder, Settings, StillOptions, View, scene};
 use chiaro_gpu::wgpu::{Features, Limits};
 use chiaro_testkit::{Studio, device_guaranteed};
+use glam::Vec2;
 
 const SIZE: [u32; 2] = [24, 16];
 
@@ -13,13 +14,17 @@ fn small() -> Settings {
     settings
 }
 
-/// Every choice and switch by itself, in both pipelines.
+/// Every choice and switch that costs a pipeline by itself; those of surfaces in both ways of shading.
 fn all_settings() -> Vec<Settings> {
     let mut all = Vec::new();
     for pipeline in [Pipeline::Deferred, Pipeline::Forward] {
         let plain = Settings { pipeline, ..small() };
         all.push(plain.clone());
         for field in Settings::fields() {
+            let of_both = pipeline == Pipeline::Deferred || field.key.starts_with("surface.");
+            if field.effect != Effect::Permutation || !of_both {
+                continue;
+            }
             let values: Vec<String> = match &field.kind {
                 Kind::Switch => vec!["true".into(), "false".into()],
                 Kind::Choice(names) => names.iter().map(|(name, _)| (*name).to_owned()).collect(),
@@ -46,7 +51,7 @@ fn look(studio: &mut Studio, name: &str, settings: impl IntoIterator<Item = Sett
     scene.add_default_view();
     let view = View::from_scene(&scene, 0).unwrap();
     let loaded = studio.load(&scene);
-    let options = StillOptions { size: SIZE, samples: 1, aovs: vec![Aov::Shadow], left: Vec::new() };
+    let mut recorder = Recorder::new(&gpu, false);
     let mut rendered = 0;
     for settings in settings {
         match studio.renderer.set(settings.clone()) {
@@ -54,10 +59,17 @@ fn look(studio: &mut Studio, name: &str, settings: impl IntoIterator<Item = Sett
             Err(Error::Combination(_)) => continue,
             Err(error) => panic!("{settings:?}: {error}"),
         }
-        let still = studio.renderer.still(&loaded, &view, &options).unwrap();
-        still.picture.wait(&gpu).unwrap_or_else(|error| panic!("{settings:?}: {error}"));
+        studio.renderer.prepare(&loaded, &view, SIZE, Vec2::ZERO, 1.0);
+        let mut frame = recorder.begin();
+        let _ = studio.renderer.frame(&mut frame, &loaded, true);
+        frame.submit();
+        gpu.check().unwrap_or_else(|error| panic!("{settings:?}: {error}"));
         rendered += 1;
     }
+    recorder.wait().unwrap();
+    let options = StillOptions { size: SIZE, samples: 1, aovs: vec![Aov::Shadow], left: Vec::new() };
+    let still = studio.renderer.still(&loaded, &view, &options).unwrap();
+    still.picture.wait(&gpu).unwrap();
     rendered
 }
 
