@@ -93,6 +93,16 @@ pub enum Handle {
     Buffer(Buffer),
 }
 
+impl Handle {
+    pub(crate) fn of(binding: Binding<'_>) -> Option<Self> {
+        match binding {
+            Binding::Texture(texture) | Binding::Mip(texture, _) => Some(Self::Texture(texture.clone())),
+            Binding::Buffer(buffer) | Binding::BufferRange(buffer, ..) => Some(Self::Buffer(buffer.clone())),
+            Binding::Sampler(_) => None,
+        }
+    }
+}
+
 /// A texture or buffer of a frame.
 #[derive(Clone, Debug)]
 pub struct Resource {

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use crate::Gpu;
-use crate::log::{Bound, ViewHint};
+use crate::log::{Bound, Handle, ViewHint};
 
 static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 
@@ -479,7 +479,8 @@ impl GroupLayout {
         });
         let reads = self.entries.iter().zip(bindings);
         let reads = reads.filter_map(|((name, _), b)| Some((*name, Bound::of(*b)?))).collect();
-        Group { index: self.index, raw, reads }
+        let held = bindings.iter().filter_map(|binding| Handle::of(*binding)).collect();
+        Group { index: self.index, raw, reads, held }
     }
 }
 
@@ -489,4 +490,7 @@ pub struct Group {
     pub(crate) index: u32,
     pub(crate) raw: wgpu::BindGroup,
     pub(crate) reads: Vec<(&'static str, Bound)>,
+    // What nobody else holds is kept by the bind group, and can be looked at as long.
+    #[expect(dead_code, reason = "held")]
+    held: Vec<Handle>,
 }

@@ -74,7 +74,7 @@ fn two_storage_buffers_and_two_sampled_textures_are_left_in_every_stage() {
                 match EXCEPTIONS.iter().find(|(entry, _)| *entry == permutation.entry) {
                     Some((entry, _)) => used.push(*entry),
                     None => {
-                        tight.push(format!("{} ({name}): {} and {}", permutation.label(), all[0], all[1]))
+                        tight.push(format!("{} ({name}): {} and {}", permutation.label(), all[0], all[1]));
                     }
                 }
             }
