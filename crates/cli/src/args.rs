@@ -34,6 +34,7 @@ pub enum Command {
 Examples:
   chiaro render builtin:nave --size 1280x720 --samples 16 -o nave.png
   chiaro render room.glb --camera 1 --set shadow.filter=pcss -o room.exr --aov direct --aov normal
+  chiaro render room.glb --aov list
   chiaro render fountain.glb --frames 0..240 --fps 24 -o frames/fountain.png
   chiaro render --height-map canyon.png --size-m 400,300 --height-m 60 -o canyon.png
 
@@ -207,7 +208,9 @@ pub struct RenderArgs {
     /// Render the animation's moment at this many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
     pub time: f64,
-    /// Also write a part of the frame (direct, indirect, normal, depth, …) to STEM.NAME.exr; may be given many times
+    /// Also write a part of the frame (direct, indirect, normal, depth, …) to STEM.NAME.exr, or any texture or buffer of it
+    /// (shadow/shadow_maps, …) to STEM.shadow.shadow_maps.exr, a file for each layer, in its own size and as the last sample
+    /// left it; may be given many times. `list` prints all names that these settings have
     #[arg(long = "aov", value_name = "NAME")]
     pub aovs: Vec<String>,
     /// Write how long each pass took on the GPU

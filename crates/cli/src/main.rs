@@ -6,6 +6,7 @@ mod args;
 mod bench;
 mod diff;
 mod info;
+mod left;
 mod output;
 mod reference;
 mod render;

@@ -44,11 +44,13 @@ pub struct WrongUsage(pub String);
 
 /// Whether the command line is to blame, rather than a file, the device or the work.
 pub fn is_wrong_usage(error: &anyhow::Error) -> bool {
-    use chiaro::Error::{Combination, Preset, SettingValue, UnknownSetting};
+    use chiaro::Error::{Combination, Nothing, Preset, SettingValue, UnknownSetting};
     let setting = error.downcast_ref::<chiaro::Error>();
     error.is::<WrongUsage>()
         || matches!(
             setting,
-            Some(UnknownSetting { .. } | SettingValue { .. } | Combination(_) | Preset { .. })
+            Some(
+                UnknownSetting { .. } | SettingValue { .. } | Combination(_) | Preset { .. } | Nothing { .. }
+            )
         )
 }

@@ -9,7 +9,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::args::RenderArgs;
-use crate::output::{WrongUsage, print};
+use crate::left;
+use crate::output::print;
 use crate::session::Session;
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
 
@@ -23,9 +24,12 @@ struct TimingsFile<'a> {
 }
 
 pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
-    let aovs = args.aovs.iter().map(|name| aov(name)).collect::<anyhow::Result<Vec<_>>>()?;
+    if args.aovs.iter().any(|name| name == "list") {
+        return left::list(&mut Session::open(&args.scene, &args.settings)?);
+    }
+    let (aovs, left) = left::names(&args.aovs)?;
     let mut session = Session::open(&args.scene, &args.settings)?;
-    let options = StillOptions { size: session.size, samples: args.samples, aovs };
+    let options = StillOptions { size: session.size, samples: args.samples, aovs, left };
     let mut recorder = Recorder::new(&session.gpu, true);
     let frames: Vec<_> =
         args.frames.as_ref().map_or(vec![None], |range| (range.start..range.end).map(Some).collect());
@@ -40,10 +44,12 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
             renderer.still_in(&mut recorder, scene, view, &options, |_| bar.inc(1))?
         };
         let path = number.map_or(args.output.clone(), |number| numbered(&args.output, number));
-        write(&session, still, &path)?;
+        let beside = write(&session, still, &path)?;
         if number.is_none() || *number == frames[frames.len() - 1] {
             bar.finish_and_clear();
-            print(&format!("{}\n", path.display()))?;
+            for path in [path].iter().chain(&beside) {
+                print(&format!("{}\n", path.display()))?;
+            }
         }
     }
     recorder.wait()?;
@@ -73,14 +79,6 @@ fn report(args: &RenderArgs, session: &Session, recorder: &mut Recorder) -> anyh
     Ok(())
 }
 
-fn aov(name: &str) -> anyhow::Result<Aov> {
-    let unknown = || {
-        let names: Vec<_> = Aov::ALL.iter().map(|(_, name)| *name).collect();
-        WrongUsage(format!("--aov {name}: there is none of that name; there are {}", names.join(", ")))
-    };
-    Ok(Aov::by_name(name).ok_or_else(unknown)?)
-}
-
 fn progress(steps: u64) -> ProgressBar {
     // Hidden by itself where there is no terminal, and for work that is done before anyone could read it.
     let bar = ProgressBar::new(steps);
@@ -104,7 +102,8 @@ pub fn create_parent(path: &Path) -> anyhow::Result<()> {
     })
 }
 
-pub fn write(session: &Session, still: Still, path: &Path) -> anyhow::Result<()> {
+/// Writes a still, and returns the files beside it that hold what its frames left behind.
+pub fn write(session: &Session, still: Still, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     create_parent(path)?;
     let gpu = &session.gpu;
     let samples = still.samples;
@@ -126,7 +125,11 @@ pub fn write(session: &Session, still: Still, path: &Path) -> anyhow::Result<()>
         let image = mean(&readback.wait(gpu)?, samples)?;
         write_exr(path.with_extension(format!("{name}.exr")), &image, Precision::Float)?;
     }
-    Ok(())
+    let mut beside = Vec::new();
+    for left in still.left {
+        beside.extend(left::write(gpu, path, left, samples)?);
+    }
+    Ok(beside)
 }
 
 pub fn mean(sum: &Pixels, samples: u32) -> anyhow::Result<Image> {

@@ -205,6 +205,40 @@ fn a_setting_or_part_that_there_is_not_is_wrong_usage_for_every_command() {
 }
 
 #[test]
+fn what_a_frame_leaves_is_listed_and_written_by_name() {
+    let scene =
+        ["render", "builtin:cornell", "--size", "32x24", "--samples", "2", "--set", "shadow.resolution=64"];
+    let list = chiaro(&[&scene[..], &["--aov", "list"]].concat());
+    assert!(list.status.success(), "{}", text(&list.stderr));
+    for name in ["indirect ", "lights ", "shadow/shadow_maps ", "surface/visibility ", "direct/light_grid "] {
+        assert!(text(&list.stdout).lines().any(|line| line.starts_with(name)), "{}", text(&list.stdout));
+    }
+    let picture = scratch("left.png");
+    let names = ["shadow/shadow_maps", "surface/visibility", "direct/radiance", "direct/light_grid"];
+    let asked: Vec<_> = names.iter().flat_map(|name| ["--aov", name]).collect();
+    let output = chiaro(&[&scene[..], &asked, &["-o", picture.to_str().unwrap()]].concat());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let beside = |name: &str| {
+        let path = picture.with_extension(name);
+        assert!(text(&output.stdout).contains(path.to_str().unwrap()), "{}", text(&output.stdout));
+        chiaro_image::read_layers(path).unwrap()
+    };
+    let map = beside("shadow.shadow_maps.0.exr");
+    assert_eq!(map.size(), (64, 64));
+    let depth = map.channel("Y").unwrap();
+    assert!(depth.iter().any(|z| *z > 0.0) && depth.iter().all(|z| (0.0..=1.0).contains(z)));
+    let visibility = beside("surface.visibility.exr");
+    assert_eq!(visibility.size(), (32, 24));
+    assert!(visibility.words("Y").unwrap().iter().any(|&triangle| triangle > 0));
+    let radiance = beside("direct.radiance.exr");
+    assert!(radiance.channel("R").unwrap().iter().any(|r| *r > 0.0) && radiance.channel("A").is_some());
+    assert!(beside("direct.light_grid.exr").words("Y").is_some());
+
+    let output = chiaro(&[&scene[..], &["--aov", "shadow/dreams"]].concat());
+    assert_fails(&output, 2, &["shadow/dreams", "shadow/shadow_maps", "surface/visibility"]);
+}
+
+#[test]
 fn settings_that_do_not_go_together_are_wrong_usage() {
     let sets = ["--set", "shadow.representation=variance", "--set", "shadow.filter=pcf"];
     let render = chiaro(&[&["render", "builtin:cornell", "--size", "8x6"], &sets[..]].concat());

@@ -25,7 +25,8 @@ pub enum LimitChoice {
     /// What WebGPU guarantees, with larger buffers and textures where the adapter has them.
     #[default]
     Adapter,
-    /// Exactly what WebGPU guarantees and no optional feature but timestamps: what every browser has.
+    /// Exactly what WebGPU guarantees and no optional feature but timestamps: what every browser has. [`Gpu::new`] then
+    /// holds everything to WebGPU's own rules.
     Guaranteed,
 }
 
@@ -140,6 +141,10 @@ impl Gpu {
     pub async fn new(options: GpuOptions) -> Result<Self, GpuError> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::PRIMARY;
+        if options.limits == LimitChoice::Guaranteed {
+            // wgpu then knows nothing that a browser would not.
+            descriptor.flags |= wgpu::InstanceFlags::STRICT_WEBGPU_COMPLIANCE;
+        }
         let instance = wgpu::Instance::new(descriptor.with_env());
         let adapters = instance.enumerate_adapters(wgpu::Backends::all()).await;
         let adapter = choose(adapters, &options.adapter)?;
@@ -170,7 +175,13 @@ impl Gpu {
         let mut wanted = OptionalFeatures::all_flags();
         let mut required_limits = wgpu::Limits::default();
         match limits {
-            LimitChoice::Guaranteed => wanted = wgpu::Features::TIMESTAMP_QUERY,
+            LimitChoice::Guaranteed => {
+                wanted = wgpu::Features::TIMESTAMP_QUERY;
+                if adapter.limits().max_buffers_and_acceleration_structures_per_shader_stage == 0 {
+                    // Strict about WebGPU: there are no limits of wgpu's own.
+                    required_limits.zero_native_only();
+                }
+            }
             LimitChoice::Adapter => {
                 let has = adapter.limits();
                 required_limits.max_buffer_size = has.max_buffer_size;

@@ -8,10 +8,11 @@ use std::sync::Weak;
 
 use wgpu_profiler::GpuProfiler;
 
+use crate::log::{Bound, Resource, Resources};
 use crate::pipeline::{FIRST_OWN_GROUP, Interface};
 use crate::profile::{FrameTimings, profiler};
 use crate::render_pass::{RenderPass, Targets};
-use crate::resource::{Binding, Group, Life, next_id};
+use crate::resource::{Binding, Group, Life, Texture, next_id};
 use crate::{Buffer, ComputePipeline, Gpu, GpuError};
 
 /// A handle for the WESL global of that name.
@@ -53,6 +54,7 @@ pub struct Recorder {
     belt: wgpu::util::StagingBelt,
     key: Vec<u64>,
     log: Vec<PassLog>,
+    resources: Resources,
     written: HashSet<u64>,
     timings: Vec<FrameTimings>,
 }
@@ -72,6 +74,7 @@ impl Recorder {
             belt: wgpu::util::StagingBelt::new(gpu.device.clone(), 1 << 16),
             key: Vec::new(),
             log: Vec::new(),
+            resources: Resources::default(),
             written: HashSet::new(),
             timings: Vec::new(),
             gpu: gpu.clone(),
@@ -89,6 +92,7 @@ impl Recorder {
     /// [`Recorder::submitted`] after the host submitted it.
     pub fn begin_in(&mut self, encoder: wgpu::CommandEncoder) -> Frame<'_> {
         self.log.clear();
+        self.resources.clear();
         self.written.clear();
         self.groups.retain(|_, group| group.alive.iter().all(|handle| handle.strong_count() > 0));
         Frame { recorder: self, encoder, id: next_id() }
@@ -131,6 +135,12 @@ impl Recorder {
     /// The passes of the last frame with what they read and wrote.
     pub fn log(&self) -> &[PassLog] {
         &self.log
+    }
+
+    /// The textures and buffers that the last frame's passes read or wrote and that still exist, in the order in which
+    /// they were first touched.
+    pub fn resources(&self) -> impl Iterator<Item = Resource> + '_ {
+        self.resources.iter()
     }
 
     /// The bind group of a pass' own group `slot` (0 inputs, 1 outputs), made once and found again.
@@ -181,24 +191,25 @@ impl Recorder {
         binds: &[Bind<'_>],
     ) {
         for group in shared.iter().filter(|g| interface.shared.contains(&g.index)) {
-            for (binding, id, life) in &group.reads {
-                self.read(name, binding, *id, *life);
+            for (binding, bound) in &group.reads {
+                self.read(name, binding, bound);
             }
         }
         for (slot, own) in interface.own.iter().enumerate() {
             for wanted in own {
-                if let Some((id, resource, life)) = find(interface, binds, &wanted.name).logged() {
-                    if slot == 1 { self.wrote(resource, id) } else { self.read(name, resource, id, life) }
+                if let Some(bound) = Bound::of(find(interface, binds, &wanted.name)) {
+                    if slot == 1 { self.wrote(name, &bound) } else { self.read(name, bound.name, &bound) }
                 }
             }
         }
     }
 
-    fn read(&mut self, pass: &'static str, resource: &'static str, id: u64, life: Life) {
+    fn read(&mut self, pass: &'static str, resource: &'static str, bound: &Bound) {
         debug_assert!(
-            life == Life::Kept || self.written.contains(&id),
+            bound.life == Life::Kept || self.written.contains(&bound.id),
             "pass {pass} reads {resource} before this frame wrote it"
         );
+        self.resources.touch(pass, bound, false);
         if let Some(entry) = self.log.last_mut()
             && !entry.reads.contains(&resource)
         {
@@ -206,13 +217,18 @@ impl Recorder {
         }
     }
 
-    fn wrote(&mut self, resource: &'static str, id: u64) {
-        self.written.insert(id);
+    fn wrote(&mut self, pass: &'static str, bound: &Bound) {
+        self.written.insert(bound.id);
+        self.resources.touch(pass, bound, true);
         if let Some(entry) = self.log.last_mut()
-            && !entry.writes.contains(&resource)
+            && !entry.writes.contains(&bound.name)
         {
-            entry.writes.push(resource);
+            entry.writes.push(bound.name);
         }
+    }
+
+    fn draws_to(&mut self, pass: &'static str, texture: &Texture) {
+        self.wrote(pass, &Bound::texture(texture));
     }
 }
 
@@ -244,6 +260,11 @@ impl Frame<'_> {
     /// The device this frame runs on.
     pub fn gpu(&self) -> &Gpu {
         &self.recorder.gpu
+    }
+
+    /// The textures and buffers that passes touched so far; see [`Recorder::resources`].
+    pub fn resources(&self) -> impl Iterator<Item = Resource> + '_ {
+        self.recorder.resources()
     }
 
     /// Copies `data` to the start of a buffer before the passes that follow.
@@ -330,13 +351,13 @@ impl Frame<'_> {
         let recorder = &mut *self.recorder;
         recorder.log.push(PassLog { name, reads: Vec::new(), writes: Vec::new() });
         for attachment in targets.color {
-            recorder.wrote(attachment.texture.name(), attachment.texture.id());
+            recorder.draws_to(name, attachment.texture);
             if let Some(resolve) = attachment.resolve {
-                recorder.wrote(resolve.name(), resolve.id());
+                recorder.draws_to(name, resolve);
             }
         }
         if let Some(depth) = targets.depth {
-            recorder.wrote(depth.texture.name(), depth.texture.id());
+            recorder.draws_to(name, depth.texture);
         }
         let color: Vec<_> = targets
             .color

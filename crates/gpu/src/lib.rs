@@ -3,7 +3,7 @@
 //! - [`Gpu`]: a device with the features chiaro can use; made here or handed in by a host program.
 //! - [`shader`]: WESL modules → one WGSL text per entry file and permutation → reflection → pipelines.
 //! - [`Frame`]: records passes. The handles that fill a pass' bind groups are its reads and writes, so one log gives
-//!   the timing table, the frame diagram and a read-before-write assertion.
+//!   the timing table, the frame diagram, a read-before-write assertion, and every resource by name.
 //! - [`Texture`], [`Buffer`], [`TexturePool`]: handles with an identity, so that bind groups are made once and found
 //!   again.
 //! - [`Readback`], [`BufferReadback`]: pixels and buffers back on the CPU, without blocking.
@@ -14,6 +14,7 @@ mod device;
 mod error;
 mod frame;
 mod history;
+mod log;
 pub mod parallel;
 mod pipeline;
 mod profile;
@@ -27,9 +28,10 @@ pub use device::{AdapterChoice, Created, Gpu, GpuOptions, LimitChoice, OptionalF
 pub use error::GpuError;
 pub use frame::{Bind, Dispatch, Frame, PassLog, Recorder};
 pub use history::History;
+pub use log::{Handle, Mapping, Resource, ResourceName, Scale, ViewHint};
 pub use pipeline::{ComputePipeline, RenderPipeline, RenderPipelineOptions};
 pub use profile::{FrameTimings, PassTiming};
-pub use readback::{BufferReadback, Pixels, Readback};
+pub use readback::{BufferReadback, Pixels, Readback, Samples};
 pub use render_pass::{Attachment, DepthAttachment, Draw, RenderPass, Targets};
 pub use resource::{Binding, Buffer, Group, GroupLayout, Life, Texture, TextureOptions, TexturePool};
 pub use room::keep;

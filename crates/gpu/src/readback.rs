@@ -31,6 +31,55 @@ impl Pixels {
     }
 }
 
+/// One channel of [`Pixels`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Samples {
+    /// Numbers.
+    Float(Vec<f32>),
+    /// Whole numbers, exactly; signed ones as their bits.
+    Whole(Vec<u32>),
+}
+
+impl Pixels {
+    /// Texels by channel, red first, whatever the format; of packed and compressed formats the words they are made of.
+    pub fn channels(&self) -> Vec<Samples> {
+        let aspect = self.format.has_depth_aspect().then_some(wgpu::TextureAspect::DepthOnly);
+        let texel = self.format.block_copy_size(aspect).unwrap_or(4) as usize;
+        let count = usize::from(self.format.components_with_aspect(aspect.unwrap_or_default()));
+        let kind = self.format.sample_type(aspect, None);
+        let whole = matches!(kind, Some(wgpu::TextureSampleType::Uint | wgpu::TextureSampleType::Sint));
+        let name = format!("{:?}", self.format);
+        let packed = !texel.is_multiple_of(count) || name.contains("10") || name.contains("9e5");
+        let bits = if packed { 32 } else { 8 * texel / count };
+        let (count, texel) = if packed { (texel.div_ceil(4), texel) } else { (count, texel) };
+        let size = bits / 8;
+        let sample = |texel: &[u8], channel: usize| {
+            let mut word = [0; 4];
+            let from = &texel[(channel * size).min(texel.len())..((channel + 1) * size).min(texel.len())];
+            word[..from.len()].copy_from_slice(from);
+            u32::from_le_bytes(word)
+        };
+        let all = |channel| self.bytes.chunks_exact(texel).map(move |texel| sample(texel, channel));
+        let float = |word: u32| match bits {
+            8 if name.contains("Snorm") => (f32::from(word as u8 as i8) / 127.0).max(-1.0),
+            8 => word as f32 / 255.0,
+            16 if name.contains("Float") => half::f16::from_bits(word as u16).to_f32(),
+            16 if name.contains("Snorm") => (f32::from(word as u16 as i16) / 32767.0).max(-1.0),
+            16 => word as f32 / 65535.0,
+            _ => f32::from_bits(word),
+        };
+        (0..count)
+            .map(|channel| {
+                if whole || packed {
+                    Samples::Whole(all(channel).collect())
+                } else {
+                    Samples::Float(all(channel).map(float).collect())
+                }
+            })
+            .collect()
+    }
+}
+
 /// A copy of a texture on its way to the CPU. Ask [`Readback::poll`] later, or [`Readback::wait`] where blocking is
 /// allowed.
 #[derive(Debug)]
@@ -48,6 +97,14 @@ impl Readback {
     /// # Errors
     /// When the staging buffer would be larger than the device allows.
     pub fn start(gpu: &Gpu, texture: &Texture) -> Result<Self, GpuError> {
+        Self::start_layer(gpu, texture, 0)
+    }
+
+    /// The same of one of an array's layers.
+    ///
+    /// # Errors
+    /// As [`Readback::start`].
+    pub fn start_layer(gpu: &Gpu, texture: &Texture, layer: u32) -> Result<Self, GpuError> {
         let options = texture.options();
         let aspect = if options.format.has_depth_aspect() {
             wgpu::TextureAspect::DepthOnly
@@ -72,7 +129,7 @@ impl Readback {
             wgpu::TexelCopyTextureInfo {
                 texture: texture.raw(),
                 mip_level: 0,
-                origin: wgpu::Origin3d::ZERO,
+                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
                 aspect,
             },
             wgpu::TexelCopyBufferInfo {
@@ -226,5 +283,27 @@ impl Staging {
             .get_mapped_range(..)
             .map_err(|e| GpuError::Device(format!("a read-back could not be mapped: {e:?}")))?;
         Ok(Some(mapped.to_vec()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pixel(format: wgpu::TextureFormat, bytes: &[u8]) -> Vec<Samples> {
+        Pixels { width: 1, height: 1, format, bytes: bytes.to_vec() }.channels()
+    }
+
+    #[test]
+    fn texels_of_any_format_become_channels() {
+        use wgpu::TextureFormat as F;
+        let float = |x: f32| Samples::Float(vec![x]);
+        assert_eq!(pixel(F::Rg32Uint, &[1, 2, 3, 4, 255, 255, 255, 255])[1], Samples::Whole(vec![u32::MAX]));
+        assert_eq!(pixel(F::R32Uint, &[1, 0, 0, 1]), [Samples::Whole(vec![(1 << 24) + 1])]);
+        assert_eq!(pixel(F::Depth32Float, &0.25f32.to_le_bytes()), [float(0.25)]);
+        assert_eq!(pixel(F::Rgba16Float, &[0, 0x3c, 0, 0, 0, 0xc0, 0, 0])[..3], [1.0, 0.0, -2.0].map(float));
+        assert_eq!(pixel(F::Rgba8Unorm, &[0, 255, 51, 0])[1..3], [1.0, 0.2].map(float));
+        assert_eq!(pixel(F::Rg8Snorm, &[127, 129]), [1.0, -1.0].map(float));
+        assert_eq!(pixel(F::Rgb10a2Unorm, &[1, 0, 0, 0]), [Samples::Whole(vec![1])]);
     }
 }

@@ -5,9 +5,10 @@
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use crate::Gpu;
+use crate::log::{Bound, Handle, ViewHint};
 
 static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 
@@ -65,7 +66,7 @@ impl TextureOptions {
 }
 
 #[derive(Debug)]
-struct TextureInner {
+pub(crate) struct TextureInner {
     id: u64,
     alive: Arc<()>,
     name: &'static str,
@@ -75,6 +76,8 @@ struct TextureInner {
     view: wgpu::TextureView,
     layer_views: Vec<wgpu::TextureView>,
     mip_views: Vec<wgpu::TextureView>,
+    hint: OnceLock<ViewHint>,
+    pub(crate) home: OnceLock<&'static str>,
     pool: Option<Arc<Mutex<PoolShelf>>>,
 }
 
@@ -116,8 +119,9 @@ impl Texture {
                 })
             })
             .collect();
-        let single_mips = options.usage.contains(wgpu::TextureUsages::STORAGE_BINDING)
-            && (options.mips > 1 || options.cube);
+        let written = options.usage.contains(wgpu::TextureUsages::STORAGE_BINDING);
+        // A cube's faces are looked at as layers.
+        let single_mips = options.cube || written && options.mips > 1;
         let mip_views = (0..if single_mips { options.mips } else { 0 })
             .map(|mip| {
                 texture.create_view(&wgpu::TextureViewDescriptor {
@@ -138,10 +142,22 @@ impl Texture {
             view,
             layer_views,
             mip_views,
+            hint: OnceLock::new(),
+            home: OnceLock::new(),
             pool,
         }))
     }
 
+    /// The same texture, and how to look at it. The first hint counts.
+    #[must_use]
+    pub fn described(self, hint: ViewHint) -> Self {
+        let _ = self.0.hint.set(hint);
+        self
+    }
+    /// How to look at it, where that was declared.
+    pub fn hint(&self) -> Option<ViewHint> {
+        self.0.hint.get().copied()
+    }
     /// The name that logs and debug views show.
     pub fn name(&self) -> &'static str {
         self.0.name
@@ -172,7 +188,7 @@ impl Texture {
     /// One mip of all layers, as an array and not as a cube: what shaders write.
     ///
     /// # Panics
-    /// When the texture is no storage texture of several mips or of a cube, or has no such mip.
+    /// When the texture is neither a storage texture of several mips nor a cube, or has no such mip.
     pub fn mip_view(&self, mip: u32) -> &wgpu::TextureView {
         &self.0.mip_views[mip as usize]
     }
@@ -187,6 +203,12 @@ impl Texture {
     }
     pub(crate) fn id(&self) -> u64 {
         self.0.id
+    }
+    pub(crate) fn weak(&self) -> Weak<TextureInner> {
+        Arc::downgrade(&self.0)
+    }
+    pub(crate) fn from_inner(inner: Arc<TextureInner>) -> Self {
+        Self(inner)
     }
 }
 
@@ -208,6 +230,9 @@ impl Drop for TextureInner {
 
 fn create(gpu: &Gpu, name: &'static str, options: &TextureOptions) -> wgpu::Texture {
     gpu.created.add();
+    // Every texture can be looked at and, unless it is multisampled, read back.
+    let copied =
+        if options.samples > 1 { wgpu::TextureUsages::empty() } else { wgpu::TextureUsages::COPY_SRC };
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(name),
         size: wgpu::Extent3d {
@@ -219,7 +244,7 @@ fn create(gpu: &Gpu, name: &'static str, options: &TextureOptions) -> wgpu::Text
         sample_count: options.samples,
         dimension: wgpu::TextureDimension::D2,
         format: options.format,
-        usage: options.usage,
+        usage: options.usage | wgpu::TextureUsages::TEXTURE_BINDING | copied,
         view_formats: &[],
     })
 }
@@ -252,11 +277,13 @@ impl TexturePool {
 }
 
 #[derive(Debug)]
-struct BufferInner {
+pub(crate) struct BufferInner {
     id: u64,
     alive: Arc<()>,
     name: &'static str,
     life: Life,
+    hint: OnceLock<ViewHint>,
+    pub(crate) home: OnceLock<&'static str>,
     buffer: wgpu::Buffer,
 }
 
@@ -270,9 +297,12 @@ impl Buffer {
         gpu.created.add();
         // Bindings must not be empty, and copies move words of four bytes. More would be elements that nobody wrote.
         let size = if size == 0 { 16 } else { size.next_multiple_of(4) };
+        // Every buffer can be looked at.
+        let usage = usage | wgpu::BufferUsages::COPY_SRC;
         let descriptor = wgpu::BufferDescriptor { label: Some(name), size, usage, mapped_at_creation: false };
         let buffer = gpu.device.create_buffer(&descriptor);
-        Self(Arc::new(BufferInner { id: next_id(), alive: Arc::default(), name, life, buffer }))
+        let (hint, home) = (OnceLock::new(), OnceLock::new());
+        Self(Arc::new(BufferInner { id: next_id(), alive: Arc::default(), name, life, hint, home, buffer }))
     }
 
     /// Makes a kept buffer holding `data`.
@@ -292,6 +322,16 @@ impl Buffer {
         buffer
     }
 
+    /// The same buffer, and how to look at it. The first hint counts.
+    #[must_use]
+    pub fn described(self, hint: ViewHint) -> Self {
+        let _ = self.0.hint.set(hint);
+        self
+    }
+    /// How to look at it, where that was declared.
+    pub fn hint(&self) -> Option<ViewHint> {
+        self.0.hint.get().copied()
+    }
     /// The name that logs show.
     pub fn name(&self) -> &'static str {
         self.0.name
@@ -306,6 +346,12 @@ impl Buffer {
     }
     pub(crate) fn id(&self) -> u64 {
         self.0.id
+    }
+    pub(crate) fn weak(&self) -> Weak<BufferInner> {
+        Arc::downgrade(&self.0)
+    }
+    pub(crate) fn from_inner(inner: Arc<BufferInner>) -> Self {
+        Self(inner)
     }
 }
 
@@ -375,18 +421,6 @@ impl<'a> Binding<'a> {
             Self::Sampler(_) => None,
         }
     }
-
-    pub(crate) fn logged(self) -> Option<(u64, &'static str, Life)> {
-        match self {
-            Self::Texture(texture) | Self::Mip(texture, _) => {
-                Some((texture.id(), texture.name(), texture.life()))
-            }
-            Self::Buffer(buffer) | Self::BufferRange(buffer, ..) => {
-                Some((buffer.id(), buffer.name(), buffer.life()))
-            }
-            Self::Sampler(_) => None,
-        }
-    }
 }
 
 /// The layout of a bind group that many pipelines share (0 the frame, 1 the scene): entries by WESL name.
@@ -444,9 +478,9 @@ impl GroupLayout {
             entries: &entries,
         });
         let reads = self.entries.iter().zip(bindings);
-        let reads =
-            reads.filter_map(|((name, _), b)| b.logged().map(|(id, _, life)| (*name, id, life))).collect();
-        Group { index: self.index, raw, reads }
+        let reads = reads.filter_map(|((name, _), b)| Some((*name, Bound::of(*b)?))).collect();
+        let held = bindings.iter().filter_map(|binding| Handle::of(*binding)).collect();
+        Group { index: self.index, raw, reads, held }
     }
 }
 
@@ -455,5 +489,8 @@ impl GroupLayout {
 pub struct Group {
     pub(crate) index: u32,
     pub(crate) raw: wgpu::BindGroup,
-    pub(crate) reads: Vec<(&'static str, u64, Life)>,
+    pub(crate) reads: Vec<(&'static str, Bound)>,
+    // What nobody else holds is kept by the bind group, and can be looked at as long.
+    #[expect(dead_code, reason = "held")]
+    held: Vec<Handle>,
 }

@@ -20,7 +20,7 @@ use crate::{Image, ImageError};
 /// file in an order that changes from run to run.
 const ABOUT: &str = "chiaro";
 
-/// Channels of one size by name, 32-bit floats, and text about them.
+/// Channels of one size by name, 32-bit floats or whole numbers, and text about them.
 ///
 /// R, G and B are the picture. Names with a dot are a layer's channels, as other programs show them: `variance.R`.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -29,6 +29,7 @@ pub struct Layers {
     height: u32,
     is_part: bool,
     channels: BTreeMap<String, Vec<f32>>,
+    words: BTreeMap<String, Vec<u32>>,
     /// Lines of text by key, such as (`seed`, `7`). A key has no colon; line breaks become spaces in the file.
     pub about: BTreeMap<String, String>,
 }
@@ -49,9 +50,9 @@ impl Layers {
         self.is_part
     }
 
-    /// Names of all channels, in alphabetical order.
+    /// Names of all channels, those of floats first, each in alphabetical order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.channels.keys().map(String::as_str)
+        self.channels.keys().chain(self.words.keys()).map(String::as_str)
     }
 
     /// One channel's values, row after row from the top left.
@@ -59,16 +60,36 @@ impl Layers {
         self.channels.get(name).map(Vec::as_slice)
     }
 
+    /// One channel's whole numbers, in the same order.
+    pub fn words(&self, name: &str) -> Option<&[u32]> {
+        self.words.get(name).map(Vec::as_slice)
+    }
+
+    /// Adds a channel of whole numbers, or replaces it; files hold them exactly.
+    ///
+    /// # Errors
+    /// As [`Layers::insert`].
+    pub fn insert_words(&mut self, name: impl Into<String>, values: Vec<u32>) -> Result<(), ImageError> {
+        self.check(values.len())?;
+        self.words.insert(name.into(), values);
+        Ok(())
+    }
+
+    fn check(&self, found: usize) -> Result<(), ImageError> {
+        let (width, height) = self.size();
+        let expected = width as usize * height as usize;
+        if found != expected {
+            return Err(ImageError::BufferLength { what: "the channel", width, height, expected, found });
+        }
+        Ok(())
+    }
+
     /// Adds a channel, or replaces it.
     ///
     /// # Errors
     /// [`ImageError::BufferLength`] unless there is one value per pixel.
     pub fn insert(&mut self, name: impl Into<String>, values: Vec<f32>) -> Result<(), ImageError> {
-        let (width, height) = self.size();
-        let (expected, found) = (width as usize * height as usize, values.len());
-        if found != expected {
-            return Err(ImageError::BufferLength { what: "the channel", width, height, expected, found });
-        }
+        self.check(values.len())?;
         self.channels.insert(name.into(), values);
         Ok(())
     }
@@ -108,7 +129,7 @@ fn named(layer: &str, channel: &str) -> String {
     if layer.is_empty() { channel.to_owned() } else { format!("{layer}.{channel}") }
 }
 
-/// Writes an EXR of 32-bit floats in losslessly compressed (ZIP) scan lines, whole or not at all; missing folders of
+/// Writes an EXR of 32-bit floats and whole numbers in losslessly compressed (ZIP) scan lines, whole or not at all; missing folders of
 /// `path` are made. The same layers give the same bytes.
 ///
 /// # Errors
@@ -120,14 +141,13 @@ pub fn write_layers(path: impl AsRef<Path>, layers: &Layers) -> Result<(), Image
         problem,
         advice: advice.to_owned(),
     };
-    if layers.width == 0 || layers.height == 0 || layers.channels.is_empty() {
+    if layers.width == 0 || layers.height == 0 || layers.names().next().is_none() {
         return Err(unstorable("the image is empty".to_owned(), "an EXR needs a channel and a pixel"));
     }
-    let channels: SmallVec<[_; 4]> = layers
-        .channels
-        .iter()
-        .map(|(name, values)| AnyChannel::new(utf8(name), FlatSamples::F32(values.clone())))
-        .collect();
+    let floats = layers.channels.iter().map(|(name, values)| (name, FlatSamples::F32(values.clone())));
+    let words = layers.words.iter().map(|(name, values)| (name, FlatSamples::U32(values.clone())));
+    let channels: SmallVec<[_; 4]> =
+        floats.chain(words).map(|(name, samples)| AnyChannel::new(utf8(name), samples)).collect();
     let mut about = String::new();
     for (key, value) in &layers.about {
         // Writing to a string does not fail.
@@ -161,7 +181,11 @@ pub fn read_layers(path: impl AsRef<Path>) -> Result<Layers, ImageError> {
     layers.is_part = is_part;
     (layers.width, layers.height) = (layer.size.width() as u32, layer.size.height() as u32);
     for channel in layer.channel_data.list {
-        layers.insert(channel.name.to_string(), channel.sample_data.values_as_f32().collect())?;
+        let name = channel.name.to_string();
+        match channel.sample_data {
+            FlatSamples::U32(values) => layers.insert_words(name, values)?,
+            samples => layers.insert(name, samples.values_as_f32().collect())?,
+        }
     }
     let own = layer.attributes.other.get(&utf8(ABOUT));
     if let Some(AttributeValue::Text(text)) = own.or_else(|| file.attributes.other.get(&utf8(ABOUT))) {

@@ -185,3 +185,14 @@ fn writing_replaces_the_file_behind_a_link_and_leaves_nothing_else() {
     assert_eq!(read(&file).unwrap().size(), (2, 2));
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 2);
 }
+
+#[test]
+fn whole_numbers_come_back_exactly() {
+    let path = scratch("words.exr");
+    let mut layers = Layers::new(2, 1);
+    layers.insert_words("Y", vec![(1 << 24) + 1, u32::MAX]).unwrap();
+    layers.insert("A", vec![0.5, 1.5]).unwrap();
+    assert!(layers.insert_words("Z", vec![1]).is_err());
+    write_layers(&path, &layers).unwrap();
+    assert_eq!(read_layers(&path).unwrap(), layers);
+}

@@ -53,6 +53,14 @@ pub enum Error {
         /// Pixels of a side at most.
         most: u32,
     },
+    /// A frame leaves nothing of that name that could be read.
+    #[error("{problem}; a frame with these settings leaves {known}")]
+    Nothing {
+        /// What is wrong with the name.
+        problem: String,
+        /// What could be asked for.
+        known: String,
+    },
     /// Sums that a reference cannot go on from.
     #[error("the unfinished reference does not fit: {0}")]
     Unfinished(String),

@@ -21,6 +21,7 @@
 
 pub mod environment;
 mod error;
+mod left;
 mod loaded;
 mod passes;
 mod pipelines;
@@ -33,9 +34,9 @@ mod view;
 mod view_state;
 
 pub use chiaro_gpu::{
-    AdapterChoice, BufferReadback, Frame, FrameTimings, Gpu, GpuError, GpuOptions, LimitChoice,
-    OptionalFeatures, PassLog, PassTiming, Pixels, Readback, Recorder, Texture, TexturePool, shader::Library,
-    wgpu,
+    AdapterChoice, Buffer, BufferReadback, Frame, FrameTimings, Gpu, GpuError, GpuOptions, Handle,
+    LimitChoice, Mapping, OptionalFeatures, PassLog, PassTiming, Pixels, Readback, Recorder, Resource,
+    ResourceName, Samples, Scale, Texture, TexturePool, ViewHint, shader::Library, wgpu,
 };
 pub use chiaro_scene as scene;
 pub use chiaro_techniques as techniques;
@@ -43,6 +44,7 @@ pub use chiaro_techniques::Kit;
 pub use chiaro_techniques::post::Aov;
 pub use chiaro_techniques::settings::{Effect, Field, Kind};
 pub use error::Error;
+pub use left::{Left, LeftOver};
 pub use loaded::LoadedScene;
 pub use pipelines::FrameOutputs;
 pub use plan::{Built, Plan};

@@ -4,7 +4,8 @@ use chiaro_gpu::{Readback, Recorder, parallel};
 use chiaro_techniques::post::{Accumulator, Aov, AovPass, Display, Sum};
 use glam::Vec2;
 
-use crate::{Error, Kit, LoadedScene, Renderer, View, ViewState};
+use crate::left::Wanted;
+use crate::{Error, Kit, LeftOver, LoadedScene, Renderer, View, ViewState};
 
 /// What to make.
 #[derive(Clone, Debug)]
@@ -15,11 +16,13 @@ pub struct StillOptions {
     pub samples: u32,
     /// Quantities beside the picture.
     pub aovs: Vec<Aov>,
+    /// Textures and buffers that frames leave behind, by `technique/name` ([`Renderer::leaves`] tells them).
+    pub left: Vec<String>,
 }
 
 impl Default for StillOptions {
     fn default() -> Self {
-        Self { size: [1280, 720], samples: 16, aovs: Vec::new() }
+        Self { size: [1280, 720], samples: 16, aovs: Vec::new(), left: Vec::new() }
     }
 }
 
@@ -34,6 +37,8 @@ pub struct Still {
     pub picture: Readback,
     /// Rgba32Float sums, as asked for.
     pub aovs: Vec<(Aov, Readback)>,
+    /// What else was asked for, in that order.
+    pub left: Vec<LeftOver>,
     /// Frames summed.
     pub samples: u32,
 }
@@ -84,7 +89,7 @@ impl Renderer {
     /// the result is read with [`Readback::poll`] or [`Readback::wait`].
     ///
     /// # Errors
-    /// When the device reports an error.
+    /// When the device reports an error, or frames leave nothing of a name.
     pub fn still(
         &mut self,
         scene: &LoadedScene,
@@ -125,11 +130,18 @@ impl Renderer {
         let picture = Display::picture(&gpu, &self.pool, size);
         // Maps that rest are kept from still to still.
         let mut state = self.still_view.take().unwrap_or_else(|| ViewState::new(self));
+        let mut left = Wanted::new(&options.left);
         for index in 0..samples {
             let sampling = (jitter.offset_px(index), jitter.footprint_scale());
             let prepared = self.prepare(&mut state, scene, view, size, sampling)?;
             let mut frame = recorder.begin();
-            let outputs = prepared.record(&mut frame, aov_pass.is_some());
+            let wants_surface = aov_pass.is_some() || !options.left.is_empty();
+            let outputs = prepared.record(&mut frame, wants_surface);
+            if let Err(error) = left.record(&mut frame, self, size) {
+                // What it recorded counts as done.
+                frame.submit();
+                return Err(error);
+            }
             accumulator.record(&mut frame, &outputs.radiance, 1.0 / scene.radiance_scale, &mut sum);
             if let (Some(color), Some(unlit)) = (&outputs.unlit, &mut unlit) {
                 accumulator.record(&mut frame, color, 1.0, unlit);
@@ -155,6 +167,7 @@ impl Renderer {
             unlit: unlit.map(|unlit| Readback::start(&gpu, unlit.texture())).transpose()?,
             picture: Readback::start(&gpu, &picture)?,
             aovs: aovs.collect::<Result<_, Error>>()?,
+            left: left.read(&gpu)?,
             samples,
         })
     }

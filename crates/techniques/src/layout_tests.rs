@@ -6,6 +6,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
+use crate::post::DebugInput;
 use crate::reference::bvh::refit::{NodeBox, RefitJob};
 use crate::reference::first_hit::FirstHitPass;
 use crate::reference::path::PathPass;
@@ -249,6 +250,19 @@ fn rust_structs_equal_their_wesl_twins() {
         round,
         reserved
     );
+    same!(
+        &linked("post/debug_view.cs.wesl"),
+        DebugInput,
+        "DebugInput",
+        layer,
+        mapping,
+        scale,
+        words,
+        columns,
+        reserved0,
+        reserved1,
+        reserved2,
+    );
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
     same!(
         &linked("view/cull_count.cs.wesl"),
@@ -297,7 +311,22 @@ fn rust_structs_equal_their_wesl_twins() {
     );
     same!(&linked("view/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride, row);
     let raster = &linked("view/raster/resolve.cs.wesl");
-    same!(raster, RasterData, "Raster", size, columns, texels, first, capacity, phase, reserved);
+    same!(
+        raster,
+        RasterData,
+        "Raster",
+        size,
+        columns,
+        texels,
+        first,
+        capacity,
+        phase,
+        anisotropy,
+        footprint_scale,
+        reserved0,
+        reserved1,
+        reserved2
+    );
 }
 
 #[test]

@@ -28,6 +28,8 @@ pub mod view;
 pub use kit::{Compiled, Kit, Pass};
 
 #[cfg(test)]
+mod budget_tests;
+#[cfg(test)]
 mod layout_tests;
 #[cfg(test)]
 mod room_tests;

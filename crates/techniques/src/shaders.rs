@@ -117,7 +117,6 @@ pub fn permutations() -> Vec<Permutation> {
         "environment/project.cs.wesl",
         "scene/motion/deform.cs.wesl",
         "scene/motion/instances.cs.wesl",
-        "post/accumulate.cs.wesl",
         "post/exposure.cs.wesl",
         "post/histogram.cs.wesl",
         "post/tone_map.cs.wesl",
@@ -133,13 +132,15 @@ pub fn permutations() -> Vec<Permutation> {
         "view/cull_scan.cs.wesl",
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
-    all.extend([debug_view(Viewed::Grid, false), background(), photon_trace(), first_hit()]);
+    all.extend([Viewed::Multisampled, Viewed::Words].map(|what| debug_view(what, false)));
+    all.extend([background(), photon_trace(), first_hit()]);
     for a in [false, true] {
         all.extend([Viewed::Float, Viewed::Integer].map(|what| debug_view(what, a)));
         all.push(resolve(a, false));
         all.push(resolve(a, true));
         all.push(behind(a));
         all.push(aov(a));
+        all.push(accumulate(a));
         all.push(path_trace(a));
         all.push(shadow_depth(a));
         all.extend([shadow_paraboloid(a, false), shadow_paraboloid(a, true)]);
@@ -162,17 +163,20 @@ pub fn permutations() -> Vec<Permutation> {
 /// What kind of buffer is shown as a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Viewed {
-    /// A texture of numbers, depth among them; depth as an array: shadow maps.
+    /// A texture of numbers, depth among them.
     Float,
     /// A texture of whole numbers.
     Integer,
-    /// The light grid, which is no texture.
-    Grid,
+    /// A texture of several samples.
+    Multisampled,
+    /// A buffer.
+    Words,
 }
 
 /// A buffer as a picture; `array`: whether the texture is one.
 pub fn debug_view(what: Viewed, array: bool) -> Permutation {
-    let kinds = [("integer", Viewed::Integer), ("grid", Viewed::Grid)];
+    let kinds =
+        [("integer", Viewed::Integer), ("multisampled", Viewed::Multisampled), ("words", Viewed::Words)];
     let entry = Permutation::plain("post/debug_view.cs.wesl").flag("array", array).flag(FLOAT_MAPS, false);
     kinds.into_iter().fold(entry, |entry, (flag, kind)| entry.flag(flag, what == kind))
 }
@@ -220,6 +224,11 @@ pub fn photon_trace() -> Permutation {
 /// What the camera sees first.
 pub fn first_hit() -> Permutation {
     plain("reference/first_hit.cs.wesl")
+}
+
+/// The sum of frames; `raw`: of any values, as they are.
+pub fn accumulate(raw: bool) -> Permutation {
+    Permutation::plain("post/accumulate.cs.wesl").flag("raw", raw)
 }
 
 /// One quantity of surface or light.

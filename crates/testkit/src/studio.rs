@@ -64,7 +64,7 @@ impl Studio {
     /// # Panics
     /// When the device fails.
     pub fn radiance(&mut self, scene: &LoadedScene, view: &View, size: [u32; 2], samples: u32) -> Image {
-        let options = StillOptions { size, samples, aovs: Vec::new() };
+        let options = StillOptions { size, samples, ..StillOptions::default() };
         let still = need(self.renderer.still(scene, view, &options));
         let mut sum = need(still.radiance.wait(&self.gpu));
         if let Some(unlit) = still.unlit {
@@ -78,7 +78,7 @@ impl Studio {
     /// # Panics
     /// When the device fails.
     pub fn aov(&mut self, scene: &LoadedScene, view: &View, size: [u32; 2], samples: u32, aov: Aov) -> Image {
-        let options = StillOptions { size, samples, aovs: vec![aov] };
+        let options = StillOptions { size, samples, aovs: vec![aov], ..StillOptions::default() };
         let mut still = need(self.renderer.still(scene, view, &options));
         let Some((_, readback)) = still.aovs.pop() else { panic!("no {aov:?} came back") };
         image(&need(readback.wait(&self.gpu)), samples)
@@ -89,7 +89,7 @@ impl Studio {
     /// # Panics
     /// When the device fails.
     pub fn picture(&mut self, scene: &LoadedScene, view: &View, size: [u32; 2], samples: u32) -> Picture {
-        let options = StillOptions { size, samples, aovs: Vec::new() };
+        let options = StillOptions { size, samples, ..StillOptions::default() };
         let still = need(self.renderer.still(scene, view, &options));
         let pixels = need(still.picture.wait(&self.gpu));
         let (texels, _) = pixels.bytes.as_chunks::<4>();

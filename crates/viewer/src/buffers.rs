@@ -1,132 +1,67 @@
-//! Every buffer of a frame, by name, and how it is made visible.
+//! What can be looked at: quantities of surface and light, and every texture and buffer that a frame leaves behind.
 
-use chiaro::techniques::post::{Aov, DebugView, Mapping, Sum};
-use chiaro::{Frame, FrameOutputs, Texture, ViewState};
+use std::fmt;
+
+use chiaro::techniques::post::Sum;
+use chiaro::{Aov, Frame, FrameOutputs, Handle, ResourceName, Scale, Texture, ViewHint, ViewState};
 
 use crate::engine::Engine;
 use crate::stage::Stage;
 
-/// What a view shows.
+/// Something to look at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Source {
+pub enum Source {
     /// A quantity computed from the surface buffer and lights.
-    Aov(Aov),
-    Radiance,
-    Depth,
-    Visibility,
-    Emissive,
-    ShadowMaps,
-    ShadowMoments,
-    LightGrid,
+    Quantity(Aov),
+    /// What passes touched.
+    Resource(ResourceName),
 }
 
-/// A buffer that can be looked at.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BufferView {
-    /// For the panel.
-    pub name: &'static str,
-    /// What its colours mean.
-    pub about: &'static str,
-    source: Source,
-    mapping: Mapping,
+impl fmt::Display for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Quantity(aov) => {
+                let name = Aov::ALL.iter().find(|(known, _)| known == aov).map_or("", |(_, name)| name);
+                f.write_str(name)
+            }
+            Self::Resource(name) => name.fmt(f),
+        }
+    }
 }
 
-const fn view(name: &'static str, about: &'static str, source: Source, mapping: Mapping) -> BufferView {
-    BufferView { name, about, source, mapping }
-}
+/// All that a frame has, in the order of the keys: the digits 1 to 9 and 0 choose the first ten.
+#[derive(Debug, Default)]
+pub struct Offer(Vec<(Source, ViewHint)>);
 
-/// All of them; the digits 1 to 9 and 0 choose the first ten.
-pub const BUFFERS: [BufferView; 19] = [
-    view("radiance", "The frame before averaging and tone mapping", Source::Radiance, Mapping::Exposed),
-    view(
-        "direct light",
-        "Light that comes from lights without a bounce",
-        Source::Aov(Aov::Direct),
-        Mapping::Exposed,
-    ),
-    view(
-        "indirect light",
-        "Light that bounced, or what stands in for it",
-        Source::Aov(Aov::Indirect),
-        Mapping::Exposed,
-    ),
-    view("albedo", "Base colour", Source::Aov(Aov::Albedo), Mapping::Color),
-    view(
-        "normal",
-        "Shading normal in the world: x red, y green, z blue, grey is 0",
-        Source::Aov(Aov::Normal),
-        Mapping::Signed,
-    ),
-    view(
-        "roughness",
-        "Roughness red, metalness green, specular blue",
-        Source::Aov(Aov::Roughness),
-        Mapping::Color,
-    ),
-    view(
-        "distance",
-        "White is near; half as bright a tenth of the scene's size away",
-        Source::Aov(Aov::Depth),
-        Mapping::Distance,
-    ),
-    view(
-        "shadow",
-        "Share of all direct light that arrives: black is shadow",
-        Source::Aov(Aov::Shadow),
-        Mapping::Color,
-    ),
-    view(
-        "shadow maps",
-        "Depth from each light, a layer each: white is near the light",
-        Source::ShadowMaps,
-        Mapping::Depth,
-    ),
-    view(
-        "shadow moments",
-        "What was made of the depth, a layer each: the first three numbers, grey is 0",
-        Source::ShadowMoments,
-        Mapping::Signed,
-    ),
-    view(
-        "cascades",
-        "Which shadow map a pixel is looked up in: a colour each, mixed where two are",
-        Source::Aov(Aov::ShadowCascade),
-        Mapping::Color,
-    ),
-    view(
-        "shadow texels",
-        "The shadow map's texels on the surface",
-        Source::Aov(Aov::ShadowTexels),
-        Mapping::Color,
-    ),
-    view(
-        "penumbra",
-        "How far the shadow's filter reaches: white is a hundredth of the scene's size",
-        Source::Aov(Aov::ShadowPenumbra),
-        Mapping::Color,
-    ),
-    view(
-        "shadow bias",
-        "How far receivers are moved against acne: white is a thousandth of the scene's size",
-        Source::Aov(Aov::ShadowBias),
-        Mapping::Color,
-    ),
-    view("visibility", "Which triangle each pixel shows: a colour each", Source::Visibility, Mapping::Number),
-    view(
-        "light grid",
-        "Lights that may reach the pixel: black none, blue, red, yellow, white from 16 on",
-        Source::LightGrid,
-        Mapping::Number,
-    ),
-    view(
-        "triangle normal",
-        "Normal of the triangle, as the normal",
-        Source::Aov(Aov::GeometricNormal),
-        Mapping::Signed,
-    ),
-    view("depth", "The depth buffer, reversed: white is near", Source::Depth, Mapping::Depth),
-    view("emissive", "What glows by itself", Source::Emissive, Mapping::Exposed),
-];
+impl Offer {
+    /// Looks at what was recorded so far.
+    pub fn update(&mut self, frame: &Frame<'_>) {
+        self.0.clear();
+        self.0.extend(Aov::ALL.map(|(aov, _)| (Source::Quantity(aov), aov.hint())));
+        self.0.extend(frame.resources().map(|found| (Source::Resource(found.name), found.hint())));
+    }
+
+    /// Everything, with how to look at it.
+    pub fn iter(&self) -> impl Iterator<Item = &(Source, ViewHint)> {
+        self.0.iter()
+    }
+
+    /// The one that stands so many places after another; over the ends it starts anew.
+    pub fn after(&self, source: Source, places: usize) -> Source {
+        let at = self.0.iter().position(|(other, _)| *other == source).unwrap_or(0);
+        self.number((at + places) % self.0.len().max(1)).unwrap_or(source)
+    }
+
+    /// The one before.
+    pub fn before(&self, source: Source) -> Source {
+        self.after(source, self.0.len().saturating_sub(1))
+    }
+
+    /// By its place.
+    pub fn number(&self, index: usize) -> Option<Source> {
+        self.0.get(index).map(|(source, _)| *source)
+    }
+}
 
 /// Where a buffer is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -152,34 +87,35 @@ impl Place {
 }
 
 /// Which buffer is shown, and where.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shown {
     /// Where.
     pub place: Place,
-    /// Number in [`BUFFERS`].
-    pub buffer: usize,
+    /// What.
+    pub source: Source,
     /// Layer of an array.
     pub layer: u32,
 }
 
+impl Default for Shown {
+    fn default() -> Self {
+        Self { place: Place::Off, source: Source::Quantity(Aov::ALL[0].0), layer: 0 }
+    }
+}
+
 impl Shown {
     /// Another buffer; one that is off comes into the corner.
-    pub fn choose(&mut self, buffer: usize) {
-        self.buffer = buffer.min(BUFFERS.len() - 1);
+    pub fn choose(&mut self, source: Source) {
+        self.source = source;
         self.layer = 0;
         if self.place == Place::Off {
             self.place = Place::Corner;
         }
     }
-
-    /// The buffer.
-    pub fn view(&self) -> &'static BufferView {
-        &BUFFERS[self.buffer.min(BUFFERS.len() - 1)]
-    }
 }
 
 /// What a drawn buffer turned out to be.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Drawn {
     /// Layers there are.
     pub layers: u32,
@@ -187,6 +123,8 @@ pub struct Drawn {
     pub aspect: f32,
     /// Whether the frame has this buffer.
     pub exists: bool,
+    /// What its values and colours mean, with its size and format.
+    pub about: String,
 }
 
 /// Draws a buffer of the frame that was just recorded. `sum` is scratch of the picture's size.
@@ -199,47 +137,39 @@ pub fn draw(
     (sum, picture): (&mut Sum, &Texture),
 ) -> Drawn {
     let passes = &engine.passes;
-    let BufferView { source, mapping, .. } = *shown.view();
-    let (debug, group) = (&passes.debug, state.frame_group());
-    let show = |frame: &mut Frame<'_>, debug: &DebugView, texture: &Texture, scale: f32| {
-        debug.record(frame, group, (texture, shown.layer), (mapping, scale), &passes.display, picture);
-        let options = texture.options();
-        let aspect = options.width as f32 / options.height as f32;
-        Drawn { layers: options.layers.unwrap_or(1), aspect, exists: true }
-    };
-    let nits = 1.0 / stage.loaded.radiance_scale;
-    let surface = outputs.surface.as_ref();
-    let drawn = match source {
-        Source::Radiance => Some(show(frame, debug, &outputs.radiance, nits)),
-        Source::ShadowMaps => Some(show(frame, debug, &outputs.shadows.maps, 1.0)),
-        Source::ShadowMoments => {
-            let moments = &outputs.shadows.moments.moments;
-            (moments.options().width > 1).then(|| show(frame, debug, moments, 1.0))
-        }
-        Source::Depth => surface.map(|surface| show(frame, debug, &surface.depth, 1.0)),
-        Source::Visibility => surface.map(|surface| show(frame, debug, &surface.visibility, 1.0)),
-        Source::Emissive => {
-            let emissive = surface.and_then(|surface| surface.emissive.as_ref());
-            emissive.map(|emissive| show(frame, debug, emissive, nits))
-        }
-        Source::LightGrid => surface.map(|surface| {
-            let grid = (&surface.depth, &outputs.light_grid);
-            debug.record_grid(frame, group, grid, picture);
-            let options = picture.options();
-            Drawn { layers: 1, aspect: options.width as f32 / options.height as f32, exists: true }
-        }),
-        Source::Aov(aov) => surface.map(|surface| {
+    let group = state.frame_group();
+    let found = match shown.source {
+        Source::Quantity(aov) => outputs.surface.as_ref().map(|surface| {
             sum.restart();
             let inputs = (surface, &outputs.shadows, &outputs.light_grid);
             passes.aov.record(frame, group, inputs, (0, aov), sum);
-            let scale = match aov {
-                Aov::Depth => 10.0 / stage.size_m(),
-                Aov::ShadowPenumbra => 100.0 / stage.size_m(),
-                Aov::ShadowBias => 1000.0 / stage.size_m(),
-                _ => 1.0,
-            };
-            show(frame, debug, sum.texture(), scale)
+            (Handle::Texture(sum.texture().clone()), aov.hint(), aov.hint().about.to_owned())
+        }),
+        Source::Resource(name) => frame.resources().find(|resource| resource.name == name).map(|resource| {
+            let hint = resource.hint();
+            let about = format!("{} ({resource})", hint.about);
+            (resource.handle, hint, about)
         }),
     };
-    drawn.unwrap_or(Drawn { layers: 1, aspect: 1.0, exists: false })
+    let Some((handle, hint, about)) = found else {
+        return Drawn { layers: 1, aspect: 1.0, exists: false, about: String::new() };
+    };
+    let scale = match hint.scale {
+        Scale::By(factor) => factor,
+        Scale::OfScene(factor) => factor / stage.size_m(),
+        Scale::Nits => 1.0 / stage.loaded.radiance_scale,
+    };
+    passes.debug.record(
+        frame,
+        group,
+        (&handle, shown.layer),
+        (hint.mapping, scale),
+        &passes.display,
+        picture,
+    );
+    let (layers, options) = match &handle {
+        Handle::Texture(texture) => (texture.options().layers.unwrap_or(1), texture.options()),
+        Handle::Buffer(_) => (1, picture.options()),
+    };
+    Drawn { layers, aspect: options.width as f32 / options.height as f32, exists: true, about }
 }

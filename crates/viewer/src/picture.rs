@@ -4,7 +4,7 @@ use chiaro::techniques::post::{Display, Sum, Summed};
 use chiaro::{Frame, Gpu, Jitter, Pixels, Readback, Settings, Texture, TexturePool, View, ViewState};
 use glam::Vec2;
 
-use crate::buffers::{self, Drawn, Place, Shown};
+use crate::buffers::{self, Drawn, Offer, Place, Shown};
 use crate::engine::Engine;
 use crate::stage::Stage;
 
@@ -36,6 +36,7 @@ pub struct Picture {
     // Scratch and picture of the buffer that is shown.
     buffer: Option<(Sum, Texture)>,
     drawn: Option<Drawn>,
+    offer: Offer,
     // The sum holds a frame of a picture that moved, taken without jitter.
     moved: bool,
     truth: Option<Shows>,
@@ -63,6 +64,7 @@ impl Picture {
             key: None,
             buffer: None,
             drawn: None,
+            offer: Offer::default(),
             moved: false,
             truth: None,
             state: None,
@@ -95,8 +97,13 @@ impl Picture {
     }
 
     /// What the buffer that is shown turned out to be.
-    pub fn drawn(&self) -> Option<Drawn> {
-        self.drawn
+    pub fn drawn(&self) -> Option<&Drawn> {
+        self.drawn.as_ref()
+    }
+
+    /// What could be shown of the newest frame.
+    pub fn offer(&self) -> &Offer {
+        &self.offer
     }
 
     /// The texture that buffers are drawn to.
@@ -219,6 +226,7 @@ impl Picture {
         }
         passes.display.record(frame, &renderer.settings().camera, (sum, self.unlit.as_ref()), picture);
         self.truth = None;
+        self.offer.update(frame);
         if let Some((scratch, picture)) = buffer {
             self.drawn =
                 Some(buffers::draw(frame, (engine, state), stage, &outputs, shown, (scratch, picture)));

@@ -7,7 +7,7 @@ use chiaro::scene::Source;
 use chiaro::{Gpu, GpuError, Library, Lookout, Recorder, Settings, View, wgpu};
 use egui_wgpu::ScreenDescriptor;
 
-use crate::buffers::{BUFFERS, Place};
+use crate::buffers::Place;
 use crate::camera::FlyCamera;
 use crate::engine::{Engine, Rebuilt};
 use crate::files;
@@ -326,9 +326,9 @@ impl Viewer {
         self.picture.drawn().filter(|drawn| drawn.exists).and(self.picture.buffer_texture())
     }
 
-    /// Names of all buffers, in the order of the keys.
-    pub fn buffers() -> impl Iterator<Item = &'static str> {
-        BUFFERS.iter().map(|buffer| buffer.name)
+    /// Names of all buffers that the newest frame has, in the order of the keys.
+    pub fn buffers(&self) -> impl Iterator<Item = String> + '_ {
+        self.picture.offer().iter().map(|(source, _)| source.to_string())
     }
 
     /// Frames that the picture is the mean of.

@@ -160,8 +160,9 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
 
 fn picture(session: &mut Session, path: &Path) -> anyhow::Result<()> {
     let Session { renderer, scene, view, size, .. } = &mut *session;
-    let still = renderer.still(scene, view, &StillOptions { size: *size, samples: 1, aovs: Vec::new() })?;
-    render::write(session, still, path)
+    let options = StillOptions { size: *size, samples: 1, ..StillOptions::default() };
+    let still = renderer.still(scene, view, &options)?;
+    render::write(session, still, path).map(|_| ())
 }
 
 fn file_name(name: &str) -> String {

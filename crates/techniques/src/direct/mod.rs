@@ -14,7 +14,8 @@
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Attachment, Bind, Buffer, ComputePipeline, DepthAttachment, Dispatch, Draw, Frame, Gpu, GpuError, Group,
-    Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool, parallel,
+    Life, Mapping, RenderPipeline, RenderPipelineOptions, Scale, Targets, Texture, TextureOptions,
+    TexturePool, ViewHint, parallel,
 };
 
 use crate::scene::OPAQUE;
@@ -23,6 +24,10 @@ use crate::shadow::{Lookup, ShadowOutputs, ShadowSettings};
 use crate::view::culling::{DEPTH_COMPARE, DrawLists, Kinds, draw_classes, kinds};
 use crate::view::{SurfaceBuffer, cull_mode};
 use crate::{Kit, Pass, shaders};
+
+const RADIANCE: ViewHint =
+    ViewHint::scaled("The frame before averaging and tone mapping", Mapping::Exposed, Scale::Nits);
+const UNLIT: ViewHint = ViewHint::new("What unlit materials add: white is the display's", Mapping::Color);
 
 /// What shaders are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -170,8 +175,8 @@ impl DirectLight {
             let attachment = TextureUsages::RENDER_ATTACHMENT;
             let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | attachment;
             LightRoom {
-                radiance: lend("radiance", TextureFormat::Rgba16Float, usage, 1),
-                unlit: unlit.then(|| lend("unlit", TextureFormat::Rgba16Float, usage, 1)),
+                radiance: lend("radiance", TextureFormat::Rgba16Float, usage, 1).described(RADIANCE),
+                unlit: unlit.then(|| lend("unlit", TextureFormat::Rgba16Float, usage, 1).described(UNLIT)),
                 light_grid: Buffer::new(gpu, "light_grid", Life::Frame, 4 * words, BufferUsages::STORAGE),
                 words,
                 multisampled: samples.map(|samples| {

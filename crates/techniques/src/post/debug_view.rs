@@ -1,38 +1,41 @@
-//! Any buffer of a frame as a picture, for eyes that look for mistakes.
+//! Any texture or buffer of a frame as a picture, for eyes that look for mistakes.
 
+use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
-use chiaro_gpu::wgpu::TextureSampleType;
+use chiaro_gpu::wgpu::{BufferUsages, TextureSampleType};
 use chiaro_gpu::{
-    Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Texture, TextureOptions,
+    Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Handle, Life,
+    Mapping, Texture,
 };
 
 use super::{Display, uniform};
 use crate::shaders::{self, Viewed};
 
-/// How a buffer's values become colours, in the order of `debug_view.cs.wesl`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mapping {
-    /// Nits after the scale, exposed like the picture.
-    Exposed,
-    /// Linear colours, 0..1 after the scale.
-    Color,
-    /// −1..1 around grey, such as normals.
-    Signed,
-    /// Metres: white is near, half as bright at 1/scale.
-    Distance,
-    /// Reversed depth: white is near.
-    Depth,
-    /// A colour for each whole number.
-    Number,
+/// Bytes of a buffer that are shown.
+const SHOWN_BYTES: u64 = 1 << 20;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct DebugInput {
+    pub layer: u32,
+    pub mapping: u32,
+    pub scale: f32,
+    pub words: u32,
+    pub columns: u32,
+    pub reserved0: u32,
+    pub reserved1: u32,
+    pub reserved2: u32,
 }
 
-/// Shows a texture's layer, or how many lights each froxel has.
+/// Shows a texture's layer, or a buffer's words.
 #[derive(Debug)]
 pub struct DebugView {
     // Numbers (depth, too), whole numbers; each plain and as an array.
     textures: [[ComputePipeline; 2]; 2],
-    grid: ComputePipeline,
+    multisampled: ComputePipeline,
+    words: ComputePipeline,
     input: Buffer,
+    copy: Buffer,
 }
 
 impl DebugView {
@@ -45,54 +48,60 @@ impl DebugView {
             ComputePipeline::new(gpu, library, &shaders::debug_view(what, array), &[frame_layout], &[])
         };
         let pair = |what| -> Result<_, GpuError> { Ok([make(what, false)?, make(what, true)?]) };
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         Ok(Self {
             textures: [pair(Viewed::Float)?, pair(Viewed::Integer)?],
-            grid: make(Viewed::Grid, false)?,
-            input: uniform::<[u32; 4]>(gpu, "debug_input"),
+            multisampled: make(Viewed::Multisampled, false)?,
+            words: make(Viewed::Words, false)?,
+            input: uniform::<DebugInput>(gpu, "debug_input"),
+            copy: Buffer::new(gpu, "debug_words", Life::Frame, SHOWN_BYTES, usage),
         })
     }
 
-    /// Shows a layer of a texture (of a depth array: of shadow maps, how near to the light), stretched over `picture` (as [`Display::picture`] makes it). `display` has made this
-    /// frame's picture, whose exposure it shares.
+    /// Shows a layer of a texture (the first sample of a multisampled one) or the first words of a buffer, stretched over
+    /// `picture` (as [`Display::picture`] makes it). `display` has made this frame's picture, whose exposure it shares.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         frame_group: &Group,
-        (texture, layer): (&Texture, u32),
+        (what, layer): (&Handle, u32),
         (mapping, scale): (Mapping, f32),
         display: &Display,
         picture: &Texture,
     ) {
-        let options = texture.options();
-        let layer = layer.min(options.layers.unwrap_or(1) - 1);
-        frame.upload(&self.input, &[[layer, mapping as u32, scale.to_bits(), 0]]);
-        let kind = match options.format.sample_type(None, None) {
-            Some(TextureSampleType::Uint | TextureSampleType::Sint) => 1,
-            _ => 0,
+        let into = *picture.options();
+        let mut input =
+            DebugInput { layer: 0, mapping: mapping as u32, scale, columns: 1, ..DebugInput::zeroed() };
+        let (pipeline, source): (_, Binding<'_>) = match what {
+            Handle::Texture(texture) => {
+                let options = texture.options();
+                input.layer = layer.min(options.layers.unwrap_or(1) - 1);
+                let whole = options.format.sample_type(None, None) == Some(TextureSampleType::Uint);
+                let pipeline = if options.samples > 1 {
+                    &self.multisampled
+                } else {
+                    &self.textures[usize::from(whole)][usize::from(options.layers.is_some())]
+                };
+                // A cube's faces are layers here.
+                (pipeline, if options.cube { Binding::Mip(texture, 0) } else { texture.into() })
+            }
+            Handle::Buffer(buffer) => {
+                let bytes = buffer.raw().size().min(SHOWN_BYTES);
+                frame.copy((buffer, 0), (&self.copy, 0), bytes);
+                input.words = (bytes / 4) as u32;
+                let aspect = into.width as f32 / into.height as f32;
+                input.columns = ((input.words as f32 * aspect).sqrt().ceil() as u32).clamp(1, input.words);
+                (&self.words, (&self.copy).into())
+            }
         };
-        let pipeline = &self.textures[kind][usize::from(options.layers.is_some())];
+        frame.upload(&self.input, &[input]);
         let binds = [
             ("debug_input", (&self.input).into()),
-            ("source", texture.into()),
+            ("source", source),
             ("exposure", display.exposure().into()),
             ("picture", picture.into()),
         ];
-        frame.compute("post/debug_view", pipeline, &[frame_group], &binds, over(picture.options()));
+        let pixels = Dispatch::Threads([into.width, into.height, 1]);
+        frame.compute("post/debug_view", pipeline, &[frame_group], &binds, pixels);
     }
-
-    /// Shows how many lights may reach what each pixel shows: black none, then blue, red, yellow, and white from 16 on.
-    pub fn record_grid(
-        &self,
-        frame: &mut Frame<'_>,
-        frame_group: &Group,
-        (depth, light_grid): (&Texture, &Buffer),
-        picture: &Texture,
-    ) {
-        let binds = [("depth", depth.into()), ("light_grid", light_grid.into()), ("picture", picture.into())];
-        frame.compute("post/debug_view", &self.grid, &[frame_group], &binds, over(picture.options()));
-    }
-}
-
-fn over(options: &TextureOptions) -> Dispatch<'static> {
-    Dispatch::Threads([options.width, options.height, 1])
 }

@@ -11,15 +11,17 @@
 mod debug_view;
 mod settings;
 
-pub use debug_view::{DebugView, Mapping};
+#[cfg(test)]
+pub(crate) use debug_view::DebugInput;
+pub use debug_view::DebugView;
 pub use settings::{CameraSettings, Curve, Exposure, Show};
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture,
-    TextureOptions, TexturePool, parallel,
+    Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Mapping, Scale,
+    Texture, TextureOptions, TexturePool, ViewHint, parallel,
 };
 
 use crate::direct::{Permutations, lighting_binds, surface_binds};
@@ -63,11 +65,13 @@ pub enum Aov {
     ShadowPenumbra,
     /// How far the receiver is moved against acne, metres.
     ShadowBias,
+    /// How many spots and points may reach the pixel: those of its froxel.
+    Lights,
 }
 
 impl Aov {
     /// All, with the names `--aov` takes.
-    pub const ALL: [(Self, &'static str); 12] = [
+    pub const ALL: [(Self, &'static str); 13] = [
         (Self::Direct, "direct"),
         (Self::Albedo, "albedo"),
         (Self::Normal, "normal"),
@@ -80,11 +84,56 @@ impl Aov {
         (Self::ShadowTexels, "shadow_texels"),
         (Self::ShadowPenumbra, "shadow_penumbra"),
         (Self::ShadowBias, "shadow_bias"),
+        (Self::Lights, "lights"),
     ];
 
     /// By name.
     pub fn by_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|(_, n)| *n == name).map(|(aov, _)| aov)
+    }
+
+    /// How to look at it.
+    pub fn hint(self) -> ViewHint {
+        use Mapping::{Color, Distance, Exposed, Heat, Signed};
+        use Scale::{By, OfScene};
+        let (about, mapping, scale) = match self {
+            Self::Direct => ("Light that comes from lights without a bounce", Exposed, By(1.0)),
+            Self::Indirect => ("Light that bounced, or what stands in for it", Exposed, By(1.0)),
+            Self::Albedo => ("Base colour", Color, By(1.0)),
+            Self::Normal => {
+                ("Shading normal in the world: x red, y green, z blue, grey is 0", Signed, By(1.0))
+            }
+            Self::GeometricNormal => ("Normal of the triangle, as the normal", Signed, By(1.0)),
+            Self::Depth => (
+                "Distance: white is near; half as bright a tenth of the scene's size away",
+                Distance,
+                OfScene(10.0),
+            ),
+            Self::Shadow => ("Share of all direct light that arrives: black is shadow", Color, By(1.0)),
+            Self::Roughness => ("Roughness red, metalness green, specular blue", Color, By(1.0)),
+            Self::ShadowCascade => (
+                "Which shadow map a pixel is looked up in: a colour each, mixed where two are",
+                Color,
+                By(1.0),
+            ),
+            Self::ShadowTexels => ("The shadow map's texels on the surface", Color, By(1.0)),
+            Self::ShadowPenumbra => (
+                "How far the shadow's filter reaches: white is a hundredth of the scene's size",
+                Color,
+                OfScene(100.0),
+            ),
+            Self::ShadowBias => (
+                "How far receivers are moved against acne: white is a thousandth of the scene's size",
+                Color,
+                OfScene(1000.0),
+            ),
+            Self::Lights => (
+                "Lights that may reach the pixel: black none, blue, red, yellow, white from 16 on",
+                Heat,
+                By(1.0 / 16.0),
+            ),
+        };
+        ViewHint::scaled(about, mapping, scale)
     }
 }
 
@@ -141,8 +190,20 @@ impl Accumulator {
     /// # Errors
     /// When the shader does not compile.
     pub fn new(gpu: &Gpu, library: &Library) -> Result<Self, GpuError> {
+        Self::of(gpu, library, false)
+    }
+
+    /// Sums up any values of four channels as they are, negative and endless ones, too.
+    ///
+    /// # Errors
+    /// When the shader does not compile.
+    pub fn raw(gpu: &Gpu, library: &Library) -> Result<Self, GpuError> {
+        Self::of(gpu, library, true)
+    }
+
+    fn of(gpu: &Gpu, library: &Library, raw: bool) -> Result<Self, GpuError> {
         Ok(Self {
-            pipeline: plain(gpu, library, "post/accumulate.cs.wesl")?,
+            pipeline: ComputePipeline::new(gpu, library, &shaders::accumulate(raw), &[], &[])?,
             uniform: uniform::<Accumulation>(gpu, "accumulation"),
         })
     }
@@ -215,7 +276,7 @@ impl Display {
             curve: uniform::<[u32; 4]>(gpu, "tone_map"),
             no_unlit: Texture::new(
                 gpu,
-                "no unlit",
+                "no_unlit",
                 Life::Kept,
                 TextureOptions::new(1, 1, TextureFormat::Rgba32Float, TextureUsages::TEXTURE_BINDING),
             ),

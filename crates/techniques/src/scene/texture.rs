@@ -58,7 +58,7 @@ fn array_of(gpu: &Gpu, scene: &cs::Scene, shares: &Shares, array: usize, side: u
     let mips = side.ilog2() + 1;
     let options = TextureOptions { mips, ..TextureOptions::new(side, side, format, usage) };
     let layers = shares.layers(array).max(1) as u32;
-    let texture = Texture::new(gpu, "material textures", Life::Kept, options.array(layers));
+    let texture = Texture::new(gpu, "material_textures", Life::Kept, options.array(layers));
     let write = |mip: u32, layer: usize, pixels: &[u8]| {
         let side = side >> mip;
         gpu.queue.write_texture(

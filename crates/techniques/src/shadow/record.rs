@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Bind, DepthAttachment, Frame, Gpu, GpuError, Group, History, Life, RenderPipeline, RenderPipelineOptions,
-    Targets, Texture, TextureOptions, parallel,
+    Bind, DepthAttachment, Frame, Gpu, GpuError, Group, History, Life, Mapping, RenderPipeline,
+    RenderPipelineOptions, Targets, Texture, TextureOptions, ViewHint, parallel,
 };
 use glam::Vec4Swizzles;
 
@@ -22,6 +22,9 @@ use crate::view::culling::{Culling, DEPTH_COMPARE, DrawLists, Kinds, ListRoom, d
 use crate::view::raster::{ComputeRaster, Draws, RasterRoom};
 use crate::view::{ViewData, ViewTable};
 use crate::{Kit, Pass, shaders};
+
+const MAPS: ViewHint =
+    ViewHint::new("Depth from each light, a layer each: white is near the light", Mapping::ShadowDepth);
 
 /// What [`ShadowMaps::record`] writes.
 #[derive(Clone, Debug)]
@@ -459,5 +462,5 @@ fn maps(gpu: &Gpu, resolution: u32, layers: u32, computed: bool) -> Texture {
     };
     let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC | written;
     let options = TextureOptions::new(resolution, resolution, format, usage).array(layers);
-    Texture::new(gpu, "shadow_maps", Life::Kept, options)
+    Texture::new(gpu, "shadow_maps", Life::Kept, options).described(MAPS)
 }

@@ -7,14 +7,17 @@
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Attachment, Bind, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, RenderPipeline,
-    RenderPipelineOptions, Targets, Texture, TextureOptions,
+    Attachment, Bind, DepthAttachment, Frame, Gpu, GpuError, Group, GroupLayout, Life, Mapping,
+    RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, ViewHint,
 };
 
 use crate::scene::SEE_THROUGH;
 use crate::scene::SceneFacts;
 use crate::shaders;
 use crate::view::culling::{DrawLists, Kinds, draw_classes, kinds};
+
+const THROUGH: ViewHint =
+    ViewHint::new("The nearest see-through caster from each light, a layer each", Mapping::ShadowDepth);
 
 /// The maps of see-through casters; stand-ins of one texel where there are none.
 #[derive(Clone, Debug)]
@@ -33,7 +36,7 @@ impl TintMaps {
             Texture::new(gpu, name, Life::Kept, options)
         };
         Self {
-            through: make("shadow_through", TextureFormat::Depth32Float),
+            through: make("shadow_through", TextureFormat::Depth32Float).described(THROUGH),
             tint: make("shadow_tint", TextureFormat::Rgba8Unorm),
         }
     }

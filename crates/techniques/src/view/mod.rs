@@ -25,8 +25,9 @@ pub use table::{Hole, MAX_VIEWS, ViewData, ViewTable};
 
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Attachment, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group, Life,
-    RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool, parallel,
+    Attachment, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group, Life, Mapping,
+    RenderPipeline, RenderPipelineOptions, Scale, Targets, Texture, TextureOptions, TexturePool, ViewHint,
+    parallel,
 };
 use culling::{DrawLists, Kinds, draw_classes, kinds};
 use raster::{ComputeRaster, Draws, RasterRoom};
@@ -34,6 +35,9 @@ use raster::{ComputeRaster, Draws, RasterRoom};
 use crate::scene::{self, SceneFacts, SceneGpu};
 use crate::shaders::{self, Layer};
 use crate::{Kit, Pass};
+
+const VISIBILITY: ViewHint = ViewHint::new("Which triangle each pixel shows: a colour each", Mapping::Number);
+const EMISSIVE: ViewHint = ViewHint::scaled("What glows by itself", Mapping::Exposed, Scale::Nits);
 
 /// What [`Surfaces::record_resolve`] leaves.
 #[derive(Clone, Debug)]
@@ -155,9 +159,12 @@ impl Surfaces {
             let storage = TextureUsages::STORAGE_BINDING;
             let buffer = SurfaceBuffer {
                 depth: lend("depth", format, usage),
-                visibility: lend("visibility", TextureFormat::R32Uint, usage),
+                visibility: lend("visibility", TextureFormat::R32Uint, usage).described(VISIBILITY),
                 surface: lend("surface", TextureFormat::Rgba32Uint, storage),
-                emissive: self.facts.glows.then(|| lend("emissive", TextureFormat::Rgba16Float, storage)),
+                emissive: self
+                    .facts
+                    .glows
+                    .then(|| lend("emissive", TextureFormat::Rgba16Float, storage).described(EMISSIVE)),
             };
             SurfaceRoom { buffer, raster: raster.map(|raster| raster.room(gpu, size, 1)) }
         })

@@ -2,7 +2,7 @@
 
 use egui::{Align2, CollapsingHeader, Color32, ComboBox, FontId, Rect, Slider, Stroke, StrokeKind, Ui, vec2};
 
-use crate::buffers::{BUFFERS, Place};
+use crate::buffers::Place;
 use crate::viewer::Viewer;
 
 /// Share of the picture's width and height that a buffer in the corner takes at most.
@@ -16,21 +16,20 @@ impl Viewer {
                 for (place, name) in [(Place::Off, "off"), (Place::Corner, "corner"), (Place::Full, "full")] {
                     ui.selectable_value(&mut shown.place, place, name).on_hover_text("P");
                 }
-                ComboBox::from_id_salt("buffer").selected_text(shown.view().name).width(150.0).show_ui(
-                    ui,
-                    |ui| {
-                        for (number, buffer) in BUFFERS.iter().enumerate() {
-                            let label = ui.selectable_label(shown.buffer == number, buffer.name);
-                            if label.on_hover_text(buffer.about).clicked() {
-                                shown.choose(number);
-                            }
+                let name = shown.source.to_string();
+                ComboBox::from_id_salt("buffer").selected_text(name).width(150.0).show_ui(ui, |ui| {
+                    for (source, hint) in self.picture.offer().iter() {
+                        let label = ui.selectable_label(shown.source == *source, source.to_string());
+                        if label.on_hover_text(hint.about).clicked() {
+                            shown.choose(*source);
                         }
-                    },
-                );
+                    }
+                });
             });
-            ui.weak(shown.view().about);
             let Some(drawn) = self.picture.drawn() else { return };
-            if !drawn.exists {
+            if drawn.exists {
+                ui.weak(&drawn.about);
+            } else {
                 ui.weak("This scene, or the pipeline in use, has none.");
             }
             if drawn.layers > 1 {
@@ -75,10 +74,10 @@ impl Viewer {
         if shown.place == Place::Corner {
             painter.rect_stroke(place, 0.0, Stroke::new(1.0, Color32::from_gray(90)), StrokeKind::Outside);
         }
-        let name = shown.view().name;
+        let name = shown.source;
         let text = match (drawn.exists, drawn.layers) {
             (false, _) => format!("{name}: none here"),
-            (true, 1) => name.to_owned(),
+            (true, 1) => name.to_string(),
             (true, layers) => format!("{name}, layer {} of {layers}", shown.layer.min(layers - 1) + 1),
         };
         let at = place.left_top() + vec2(8.0, 6.0);

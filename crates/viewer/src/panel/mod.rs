@@ -12,7 +12,7 @@ use chiaro::techniques::post::Show;
 use egui::{Align2, Color32, Key, Sense, Ui, vec2};
 use glam::{Vec2, Vec3};
 
-use crate::buffers::{BUFFERS, Shown};
+use crate::buffers::Shown;
 use crate::camera::{FlyCamera, Steering};
 use crate::truth::Compare;
 use crate::viewer::{Eye, Viewer};
@@ -243,13 +243,13 @@ impl Viewer {
     }
 
     fn choose_buffer(&mut self, input: &egui::InputState) {
-        let shown = &mut self.panel.shown_buffer;
+        let (shown, offer) = (&mut self.panel.shown_buffer, self.picture.offer());
         if input.key_pressed(Key::P) {
             shown.place = shown.place.next();
         }
         for (number, key) in DIGITS.into_iter().enumerate() {
-            if input.key_pressed(key) {
-                shown.choose(number);
+            if let Some(source) = offer.number(number).filter(|_| input.key_pressed(key)) {
+                shown.choose(source);
             }
         }
         let layers = self.picture.drawn().map_or(1, |drawn| drawn.layers);
@@ -260,10 +260,10 @@ impl Viewer {
             shown.layer = shown.layer.saturating_sub(1).min(layers - 1);
         }
         if input.key_pressed(Key::OpenBracket) {
-            shown.choose((shown.buffer + BUFFERS.len() - 1) % BUFFERS.len());
+            shown.choose(offer.before(shown.source));
         }
         if input.key_pressed(Key::CloseBracket) {
-            shown.choose((shown.buffer + 1) % BUFFERS.len());
+            shown.choose(offer.after(shown.source, 1));
         }
     }
 

@@ -37,12 +37,17 @@ pub(crate) use weights::Blur;
 
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Bind, Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, History, Life, Texture,
-    TextureOptions,
+    Bind, Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, History, Life, Mapping,
+    Texture, TextureOptions, ViewHint,
 };
 
 use super::settings::{Representation, ShadowSettings};
 use crate::{Kit, Pass, shaders};
+
+const MOMENTS: ViewHint = ViewHint::new(
+    "What was made of the depth, a layer each: the first three numbers, grey is 0",
+    Mapping::Signed,
+);
 
 /// Rows of all layers that are blurred at once take at most this much, or are those of one layer.
 const SCRATCH_BYTES: u64 = 64 << 20;
@@ -246,7 +251,7 @@ impl Moments {
         let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING;
         let plain = TextureOptions::new(resolution, resolution, format, usage);
         let options = TextureOptions { mips: mips(self.key, resolution), ..plain.array(layers) };
-        room.outputs.moments = Texture::new(gpu, "shadow_moments", Life::Kept, options);
+        room.outputs.moments = Texture::new(gpu, "shadow_moments", Life::Kept, options).described(MOMENTS);
         if gpu.optional.float32_filterable {
             room.outputs.filtered = room.outputs.moments.clone();
         }

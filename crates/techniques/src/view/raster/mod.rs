@@ -34,7 +34,7 @@ use crate::scene::{CLASSES, OPAQUE};
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;
 use crate::view::culling::DrawLists;
-use crate::view::{MAX_VIEWS, ViewTable};
+use crate::view::{MAX_VIEWS, ViewData, ViewTable};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -45,7 +45,11 @@ pub(crate) struct RasterData {
     pub(crate) first: u32,
     pub(crate) capacity: u32,
     pub(crate) phase: u32,
-    pub(crate) reserved: u32,
+    pub(crate) anisotropy: u32,
+    pub(crate) footprint_scale: f32,
+    pub(crate) reserved0: u32,
+    pub(crate) reserved1: u32,
+    pub(crate) reserved2: u32,
 }
 
 /// Words before the views' texels; see `raster.wesl`.
@@ -180,7 +184,7 @@ impl ComputeRaster {
     }
 
     /// Draws views of a table, of those that the lists were culled for, into the layers of an R32Float array that shaders
-    /// may write: as many at once as there is room for.
+    /// may write: as many at once as there is room for. They filter masked surfaces alike.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
@@ -229,7 +233,9 @@ impl ComputeRaster {
     ) {
         let uniform = &room.uniforms[phase];
         let first = lists.slot(views.start) as u32;
-        frame.upload(uniform, &[RasterData { first, phase: phase as u32, ..room.data() }]);
+        let ViewData { anisotropy, footprint_scale, .. } = table.views()[views.start as usize];
+        let shared = RasterData { anisotropy, footprint_scale, ..room.data() };
+        frame.upload(uniform, &[RasterData { first, phase: phase as u32, ..shared }]);
         let binds = [
             ("raster", uniform.into()),
             ("views", table.batch(lists.views.start)),

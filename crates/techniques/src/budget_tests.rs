@@ -1,0 +1,87 @@
+//! What every entry file binds, held against WebGPU's limits for a stage. `--nocapture` prints the table.
+
+use std::fmt::Write as _;
+
+use chiaro_gpu::shader::Reflected;
+use chiaro_gpu::wgpu::{BindingType, BufferBindingType, ShaderStages};
+
+use crate::shaders;
+
+const STORAGE_BUFFERS: usize = 8;
+const SAMPLED_TEXTURES: usize = 16;
+/// What must be left for techniques to come.
+const SPARE: usize = 2;
+
+/// Entry files that may leave less, and why.
+const EXCEPTIONS: &[(&str, &str)] = &[
+    ("reference/photon/trace.cs.wesl", "as the path tracer, and lights to start from"),
+    ("view/raster/tiles.cs.wesl", "the scene, the lists, tiles and depths; it shades nothing"),
+    ("view/raster/triangles.cs.wesl", "as the tiles"),
+];
+
+/// Storage buffers, sampled textures, samplers, storage textures and uniform buffers.
+fn counts<'a>(bindings: impl Iterator<Item = &'a Reflected>) -> [usize; 5] {
+    let mut counts = [0; 5];
+    for binding in bindings {
+        counts[match binding.ty {
+            BindingType::Buffer { ty: BufferBindingType::Storage { .. }, .. } => 0,
+            BindingType::Texture { .. } => 1,
+            BindingType::Sampler(_) => 2,
+            BindingType::StorageTexture { .. } => 3,
+            BindingType::Buffer { ty: BufferBindingType::Uniform, .. } => 4,
+            _ => panic!("{} is of a kind that WebGPU has not", binding.name),
+        }] += 1;
+    }
+    counts
+}
+
+#[test]
+fn two_storage_buffers_and_two_sampled_textures_are_left_in_every_stage() {
+    let library = shaders::library();
+    let mut table = format!(
+        "{:<58} {:<8} {:>15} {:>15} {:>15} {:>15} {:>15}\n",
+        "of all groups (of groups 0 1 2 3)",
+        "stage",
+        "storage buffers",
+        "textures",
+        "samplers",
+        "storage tex.",
+        "uniforms"
+    );
+    let (mut tight, mut used) = (Vec::new(), Vec::new());
+    for permutation in shaders::permutations() {
+        let bindings = library.link(&permutation).unwrap().bindings().unwrap();
+        let stages = [
+            (ShaderStages::VERTEX, "vertex"),
+            (ShaderStages::FRAGMENT, "fragment"),
+            (ShaderStages::COMPUTE, "compute"),
+        ];
+        for (stage, name) in stages {
+            let seen = || bindings.iter().filter(|binding| binding.visibility.contains(stage));
+            let all = counts(seen());
+            if all.iter().sum::<usize>() == 0 {
+                continue;
+            }
+            let groups = [0, 1, 2, 3].map(|group| counts(seen().filter(|binding| binding.group == group)));
+            let _ = write!(table, "{:<58} {name:<8}", permutation.label());
+            for (kind, count) in all.iter().enumerate() {
+                let [a, b, c, d] = groups.map(|group| group[kind]);
+                let _ = write!(table, " {:>15}", format!("{count} ({a} {b} {c} {d})"));
+            }
+            table.push('\n');
+            if all[0] + SPARE > STORAGE_BUFFERS || all[1] + SPARE > SAMPLED_TEXTURES {
+                match EXCEPTIONS.iter().find(|(entry, _)| *entry == permutation.entry) {
+                    Some((entry, _)) => used.push(*entry),
+                    None => {
+                        tight.push(format!("{} ({name}): {} and {}", permutation.label(), all[0], all[1]));
+                    }
+                }
+            }
+        }
+    }
+    println!("{table}");
+    assert!(tight.is_empty(), "storage buffers and sampled textures:\n{}", tight.join("\n"));
+    for (entry, why) in EXCEPTIONS {
+        assert!(used.contains(entry), "{entry} is no exception any more: {why}");
+    }
+}
