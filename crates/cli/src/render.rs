@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::args::RenderArgs;
 use crate::output::{WrongUsage, print};
-use crate::session::Session;
+use crate::session::{Session, warn_of_idle};
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
 
 #[derive(Serialize)]
@@ -24,6 +24,7 @@ struct TimingsFile<'a> {
 
 pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
     let aovs = args.aovs.iter().map(|name| aov(name)).collect::<anyhow::Result<Vec<_>>>()?;
+    warn_of_idle(&args.settings)?;
     let mut session = Session::open(&args.scene, &args.settings)?;
     let options = StillOptions { size: session.size, samples: args.samples, aovs };
     let mut recorder = Recorder::new(&session.gpu, true);

@@ -38,7 +38,7 @@ pub use chiaro_gpu::{
 pub use chiaro_scene as scene;
 pub use chiaro_techniques as techniques;
 pub use chiaro_techniques::post::Aov;
-pub use chiaro_techniques::settings::{Effect, Field, Kind};
+pub use chiaro_techniques::settings::{Condition, Effect, Field, Kind};
 pub use error::Error;
 pub use loaded::LoadedScene;
 pub use pipelines::FrameOutputs;

@@ -238,7 +238,7 @@ impl Renderer {
             forward_ws: view.forward_ws(),
             ws_from_clip: steady.inverse(),
         };
-        let mut lights = scene.lights.clone();
+        let mut lights = scene.lights().to_vec();
         let inputs = FitInputs {
             bounds_ws: bounds,
             casters: Some(&scene.casters),
@@ -249,7 +249,7 @@ impl Renderer {
         };
         let shadow_views = fit(&mut lights, &inputs);
         self.notes.clone_from(&shadow_views.notes);
-        let grid = grid_size(size_px, lights.len() - scene.directional);
+        let grid = grid_size(size_px, lights.len() - scene.directional());
         let sky_view = sky_view(&mut self.sky_view, scene, view.eye_ws());
         let map = scene.environment.as_ref();
         let factor = settings.environment.intensity;
@@ -271,8 +271,8 @@ impl Renderer {
             forward_ws: view.forward_ws().to_array(),
             footprint_scale,
             size_px,
-            directional_lights: scene.directional as u32,
-            local_lights: (lights.len() - scene.directional) as u32,
+            directional_lights: scene.directional() as u32,
+            local_lights: (lights.len() - scene.directional()) as u32,
             grid,
             grid_slices: slices(view, bounds, grid[2]),
             lighting_model: settings.surface.lighting as u32,
@@ -355,10 +355,15 @@ fn sky_view(known: &mut Option<(u64, DVec3, SkyView)>, scene: &LoadedScene, eye_
 }
 
 fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {
+    let settings = &settings.effective();
     let msaa = settings.surface.msaa.samples();
-    if settings.pipeline == Pipeline::Forward && ![1, 4].contains(&msaa) {
+    let offered = gpu.sample_counts();
+    if settings.pipeline == Pipeline::Forward && !offered.contains(&msaa) {
+        let offered: Vec<_> = offered.iter().map(ToString::to_string).collect();
         return Err(Error::Combination(format!(
-            "surface.msaa = {msaa}: the forward pipeline takes 1 or 4, which every adapter has"
+            "surface.msaa = {msaa}: {} offers {}",
+            gpu.info.name,
+            offered.join(", ")
         )));
     }
     if let Some(reason) = settings.shadow.refused() {

@@ -1,5 +1,6 @@
 //! Rust structs that reach the GPU against their WESL twins.
 
+use std::collections::BTreeMap;
 use std::mem::offset_of;
 
 use chiaro_gpu::shader::{Linked, check_layout};
@@ -296,6 +297,20 @@ fn rust_structs_equal_their_wesl_twins() {
         reserved2,
         views,
     );
+}
+
+#[test]
+fn some_shader_uses_every_member_of_every_buffer() {
+    let mut used = BTreeMap::new();
+    for permutation in shaders::permutations() {
+        for (member, here) in shaders::library().link(&permutation).unwrap().members() {
+            *used.entry(member).or_insert(false) |= here;
+        }
+    }
+    assert!(used[&("Light".to_owned(), "kind".to_owned())]);
+    let is_room = |name: &str| ["reserved", "pad"].iter().any(|room| name.starts_with(room));
+    let unused: Vec<_> = used.iter().filter(|((_, name), used)| !**used && !is_room(name)).collect();
+    assert!(unused.is_empty(), "{unused:?}");
 }
 
 #[test]

@@ -16,7 +16,7 @@ pub(super) fn write_frame(
 ) {
     let data = frame_data(loaded, settings, view, size_px);
     let lights: Vec<_> =
-        loaded.lights.iter().map(|l| LightData { first_view: LightData::NO_VIEW, ..*l }).collect();
+        loaded.lights().iter().map(|l| LightData { first_view: LightData::NO_VIEW, ..*l }).collect();
     gpu.queue.write_buffer(group.frame.raw(), 0, bytemuck::bytes_of(&data));
     gpu.queue.write_buffer(group.lights.raw(), 0, bytemuck::cast_slice(&lights));
 }
@@ -34,8 +34,8 @@ fn frame_data(loaded: &LoadedScene, settings: &Settings, view: &View, size_px: [
         forward_ws: view.forward_ws().to_array(),
         footprint_scale: 1.0,
         size_px,
-        directional_lights: loaded.directional as u32,
-        local_lights: (loaded.lights.len() - loaded.directional) as u32,
+        directional_lights: loaded.directional() as u32,
+        local_lights: (loaded.lights().len() - loaded.directional()) as u32,
         lighting_model: settings.surface.lighting as u32,
         seed: settings.seed,
         radiance_scale: 1.0,
