@@ -236,7 +236,8 @@ fn a_change_that_does_nothing_is_a_warning_and_marked_in_the_list() {
     // What goes wrong later does not keep it back.
     let output = chiaro(&[&["render", "missing.glb"], &sets[..]].concat());
     let error = text(&output.stderr);
-    let warned = "warning: --set shadow.sigma does nothing here, only with shadow.filter=gaussian|gaussian-mip";
+    let warned =
+        "warning: --set shadow.sigma does nothing here, only with shadow.filter=gaussian|gaussian-mip";
     assert!(error.contains(warned), "{error}");
     assert!(error.contains("--set surface.msaa does nothing here, only with pipeline=forward"), "{error}");
     assert!(!error.contains("pcf_kernel"), "{error}");

@@ -217,7 +217,16 @@ impl Gpu {
         });
         let optional = OptionalFeatures::from_flags(device.features());
         let limits = device.limits();
-        Self { device, queue, info, optional, limits, created: Arc::default(), samples: GUARANTEED_SAMPLES.into(), problems }
+        Self {
+            device,
+            queue,
+            info,
+            optional,
+            limits,
+            created: Arc::default(),
+            samples: GUARANTEED_SAMPLES.into(),
+            problems,
+        }
     }
 
     /// The first error that wgpu reported since the last call; a lost device comes before what follows from it.

@@ -47,8 +47,6 @@ pub struct Renderer {
     generation: u64,
     pub(crate) pool: TexturePool,
     prepared: Option<Prepared>,
-    // And the origin that it counts from.
-    previous_clip_from_ws: Option<(DVec3, Mat4)>,
     // For which scene and eye, and what it was.
     sky_view: Option<(u64, DVec3, SkyView)>,
     notes: Vec<String>,
@@ -97,7 +95,6 @@ impl Renderer {
             generation: 0,
             pool: TexturePool::default(),
             prepared: None,
-            previous_clip_from_ws: None,
             sky_view: None,
             notes: Vec::new(),
         })
@@ -261,11 +258,9 @@ impl Renderer {
         // Behind everything is a light's own radiance.
         let sky = sky * show_direct;
         let diffuse = map.map_or([Mat4::ZERO; 3], |map| map.harmonics.turned(turn, factor * share));
-        let previous = self.previous_clip_from_ws.filter(|(origin, _)| *origin == scene.gpu.motion.origin());
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
-            previous_clip_from_ws: previous.map_or(steady, |(_, clip)| clip).to_cols_array_2d(),
             eye_ws: view.eye_ws().to_array(),
             orthographic: u32::from(view.is_orthographic()),
             forward_ws: view.forward_ws().to_array(),
@@ -276,7 +271,7 @@ impl Renderer {
             grid,
             grid_slices: slices(view, bounds, grid[2]),
             lighting_model: settings.surface.lighting as u32,
-            seed: settings.seed,
+            show_unlit: 0.0,
             ambient: around.map(|channel| channel.to_array()),
             environment: diffuse.map(|channel| channel.to_cols_array_2d()),
             sky: sky.to_array(),
@@ -288,13 +283,8 @@ impl Renderer {
             environment_turn: [turn.cos(), turn.sin()],
             show_direct,
             show_indirect,
-            show_unlit: 0.0,
-            reserved0: 0,
-            reserved1: 0,
-            reserved2: 0,
             shadow: settings.shadow.parameters(),
         };
-        self.previous_clip_from_ws = Some((scene.gpu.motion.origin(), steady));
         let eye =
             if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };
         let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();

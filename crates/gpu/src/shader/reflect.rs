@@ -122,7 +122,8 @@ impl Linked {
         Ok(found)
     }
 
-    /// Members of the structs that buffers hold, as (struct, member), and whether some function uses them by name.
+    /// Members of the structs that buffers hold, as (struct, member), and whether some function uses them by name or
+    /// makes such a struct.
     pub fn members(&self) -> BTreeMap<(String, String), bool> {
         let types = &self.module.types;
         let members = |ty: naga::Handle<naga::Type>| match &types[ty].inner {
@@ -148,7 +149,17 @@ impl Linked {
         let entries = entries.map(|(index, entry)| (&entry.function, self.info.get_entry_point(index)));
         for (function, info) in functions.chain(entries) {
             for (_, expression) in function.expressions.iter() {
-                let naga::Expression::AccessIndex { base, index } = *expression else { continue };
+                let (base, index) = match *expression {
+                    naga::Expression::AccessIndex { base, index } => (base, index),
+                    naga::Expression::Compose { ty, .. } => {
+                        let made = (0..members(ty).len()).filter_map(|index| named(ty, index));
+                        made.for_each(|name| {
+                            found.entry(name).and_modify(|used| *used = true);
+                        });
+                        continue;
+                    }
+                    _ => continue,
+                };
                 let ty = match info[base].ty {
                     naga::proc::TypeResolution::Handle(ty) => ty,
                     naga::proc::TypeResolution::Value(naga::TypeInner::Pointer { base, .. }) => base,

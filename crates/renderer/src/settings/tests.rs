@@ -1,3 +1,5 @@
+mod idle;
+
 use std::cell::Cell;
 
 use chiaro_techniques::settings::Kind;

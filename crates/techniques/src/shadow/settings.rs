@@ -272,9 +272,11 @@ settings! {
             only "shadow.layout=cascaded and shadow.cascades!=1";
         /// Texels across the percentage-closer kernel. Wider is softer and costs taps.
         pcf_kernel: PcfKernel = PcfKernel::Three, "texels", (), Permutation, only "shadow.filter=pcf";
-        /// Reach of the Gaussian blur and of the disc kernel. Wider is softer.
+        /// Reach of the Gaussian blur and of the disc kernel, and what receivers of pcss are moved for where their plane is
+        /// not followed. Wider is softer.
         filter_radius: f32 = 2.0, "texels", 0.0..=32.0, Uniform,
-            only "shadow.filter=gaussian|gaussian-mip or shadow.pcf_kernel=disc";
+            only "shadow.filter=gaussian|gaussian-mip or shadow.pcf_kernel=disc or \
+                  shadow.filter=pcss and shadow.bias.receiver_plane=false";
         /// Weights of the blur: binomial, or a Gaussian of this standard deviation in texels.
         sigma: Sigma = Sigma(None), "texels", 0.1..=32.0, Uniform, only "shadow.filter=gaussian|gaussian-mip";
         /// How large lights are, for pcss: across a sun in radians (ours is 0.0093), across other lights in metres.

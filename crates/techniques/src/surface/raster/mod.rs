@@ -75,13 +75,9 @@ pub(crate) struct RasterData {
     pub(crate) columns: u32,
     pub(crate) texels: u32,
     pub(crate) anisotropy: u32,
-    pub(crate) list_stride: u32,
     pub(crate) capacity: u32,
     pub(crate) footprint_scale: f32,
     pub(crate) phase: u32,
-    pub(crate) reserved0: u32,
-    pub(crate) reserved1: u32,
-    pub(crate) reserved2: u32,
     pub(crate) views: [RasterViewData; MAX_VIEWS],
 }
 
@@ -236,7 +232,7 @@ impl ComputeRaster {
         target: &Texture,
     ) {
         let buffers = self.buffers(views.len());
-        frame.upload(&self.uniforms[0], &[buffers.data(scene, views, anisotropy)]);
+        frame.upload(&self.uniforms[0], &[buffers.data(views, anisotropy)]);
         for MatrixOver { buffer, offset, to } in over {
             let at = offset_of!(RasterData, views) + to * size_of::<RasterViewData>();
             frame.copy((buffer, *offset), (&self.uniforms[0], at as u64), size_of::<Mat4>() as u64);
@@ -266,7 +262,7 @@ impl ComputeRaster {
     ) {
         let buffers = self.buffers(1);
         let view = RasterView { clip_from_ws, clip_near: true, layer: 0 };
-        let data = buffers.data(scene, &[view], anisotropy);
+        let data = buffers.data(&[view], anisotropy);
         let names = [&VISIBILITY_NAMES, &NUMBER_NAMES];
         for (phase, (uniform, names)) in (0..).zip(self.uniforms.iter().zip(names)) {
             frame.upload(uniform, &[RasterData { footprint_scale, phase, ..data }]);
@@ -332,13 +328,12 @@ const NUMBER_NAMES: [[&str; 2]; 2] = [
 ];
 
 impl Buffers {
-    fn data(&self, scene: &SceneGpu, views: &[RasterView], anisotropy: u32) -> RasterData {
+    fn data(&self, views: &[RasterView], anisotropy: u32) -> RasterData {
         let mut data = RasterData {
             size: self.size,
             columns: self.size[0].div_ceil(BLOCK[0]),
             texels: texels(self.size),
             anisotropy,
-            list_stride: scene.triangle_count,
             capacity: self.capacity,
             footprint_scale: 1.0,
             ..Zeroable::zeroed()
