@@ -24,6 +24,7 @@ choice! {
     }
 }
 
+#[expect(clippy::derivable_impls, reason = "variants of a choice take no attributes")]
 impl Default for Pipeline {
     fn default() -> Self {
         Self::Deferred

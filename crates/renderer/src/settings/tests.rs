@@ -57,7 +57,9 @@ fn conditions_are_of_keys_and_values_that_there_are() {
 
 fn with(changes: &[(&str, &str)]) -> Settings {
     let mut settings = Settings::default();
-    changes.iter().for_each(|(key, value)| settings.set(key, value).unwrap());
+    for (key, value) in changes {
+        settings.set(key, value).unwrap();
+    }
     settings
 }
 
