@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::values::{
     FrameRange, GroundSize, Setting, Size, View, blur_px, frames_per_second, image_output, picture_output,
-    positive, radiance_output, seconds, share, some_seconds, terrain_metres, terrain_vertices,
+    positive, radiance_output, seconds, share, some_seconds, terrain_metres, terrain_vertices, values_of,
 };
 
 /// Real-time shadows, indirect light and caustics, measured against path-traced truth
@@ -101,9 +101,16 @@ from 0 to 1; masked pixels are grey, pixels where A is not finite green.")]
     /// List the built-in scenes
     #[command(after_help = "Example:\n  chiaro scenes")]
     Scenes(ListArgs),
-    /// List every setting with its unit, range, default and meaning
-    #[command(after_help = "Examples:\n  chiaro settings\n  chiaro settings --json")]
-    Settings(ListArgs),
+    /// List every setting with its unit, range, value, meaning, and when it matters
+    #[command(after_help = "\
+Examples:
+  chiaro settings
+  chiaro settings --preset thesis-shadows --set shadow.representation=evsm4
+  chiaro settings --json
+
+Values are the defaults, or what --preset, --set and --pipeline make of them. What does nothing beside
+them is marked.")]
+    Settings(ListSettingsArgs),
     /// Show the graphics adapter and which of its features chiaro uses
     #[command(after_help = "Example:\n  chiaro info")]
     Info(ListArgs),
@@ -167,21 +174,12 @@ pub struct SettingsArgs {
     /// Change one setting (see `chiaro settings`); may be given many times, the last one counts
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<Setting>,
-    /// What all random choices start from; the same seed and settings give the same image
+    /// What all random choices start from; no technique of a frame makes any so far
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
-    /// How surfaces meet light [default: what the preset says]
-    #[arg(long)]
-    pub pipeline: Option<Pipeline>,
-}
-
-/// The two ways in which surfaces meet light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Pipeline {
-    /// Shade while drawing; multisampling smooths edges
-    Forward,
-    /// Store surfaces first, shade each pixel once; accumulated samples smooth edges
-    Deferred,
+    /// How surfaces meet light: the setting `pipeline` [default: what --set or the preset says]
+    #[arg(long, value_parser = values_of("pipeline"))]
+    pub pipeline: Option<String>,
 }
 
 /// `chiaro render`
@@ -316,10 +314,6 @@ pub struct BenchArgs {
 pub enum Suite {
     /// Shadow map layouts, representations and filters
     Shadows,
-    /// Indirect light
-    Indirect,
-    /// Caustics
-    Caustics,
     /// The tracers of the reference
     Reference,
 }
@@ -377,7 +371,18 @@ impl From<Heat> for chiaro_image::Heat {
     }
 }
 
-/// `chiaro scenes`, `chiaro settings` and `chiaro info`
+/// `chiaro settings`
+#[derive(Debug, Args)]
+pub struct ListSettingsArgs {
+    /// The settings
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `chiaro scenes` and `chiaro info`
 #[derive(Debug, Args)]
 pub struct ListArgs {
     /// Print JSON instead of a table

@@ -1,12 +1,12 @@
 //! `chiaro bench`: GPU time of every pass, median and spread over frames.
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use chiaro::{Recorder, Settings};
 use serde::Serialize;
 
 use crate::args::{BenchArgs, Suite};
-use crate::output::{WrongUsage, print};
-use crate::session::Session;
+use crate::output::print;
+use crate::session::{Session, warn_of_idle};
 use crate::suite;
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
 
@@ -88,11 +88,8 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
         None => {}
         Some(Suite::Shadows) => return suite::shadows::run(args),
         Some(Suite::Reference) => return suite::reference::run(args),
-        Some(other) => {
-            let others = "there are no such techniques yet; shadows and reference are there";
-            bail!(WrongUsage(format!("--suite {other:?}: {others}")))
-        }
     }
+    warn_of_idle(&args.settings)?;
     let mut session = Session::open(&args.scene, &args.settings)?;
     let measured = measure(&mut session, args.frames, || ())?;
     session.tell_notes();
@@ -117,7 +114,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
             scene_bytes: session.scene.gpu.bytes,
             size: session.size,
             settings: Settings::fields()
-                .into_iter()
+                .iter()
                 .filter_map(|f| Some((f.key.clone(), settings.get(&f.key)?)))
                 .collect(),
             pipeline: format!("{:?}", settings.pipeline).to_lowercase(),

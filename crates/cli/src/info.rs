@@ -2,12 +2,12 @@
 
 use std::fmt::Write;
 
-use chiaro::{Effect, Gpu, Settings, scene};
+use chiaro::{Effect, Field, Gpu, Settings, scene};
 use serde_json::json;
 
-use crate::args::ListArgs;
+use crate::args::{ListArgs, ListSettingsArgs};
 use crate::output::{print, print_json};
-use crate::session::open_gpu;
+use crate::session::{self, open_gpu};
 use crate::timings::Machine;
 
 pub fn scenes(args: &ListArgs) -> anyhow::Result<()> {
@@ -27,34 +27,38 @@ pub fn scenes(args: &ListArgs) -> anyhow::Result<()> {
     print(&text)
 }
 
-pub fn settings(args: &ListArgs) -> anyhow::Result<()> {
-    let fields = Settings::fields();
+pub fn settings(args: &ListSettingsArgs) -> anyhow::Result<()> {
+    let settings = session::settings(&args.settings)?;
+    let value = |field: &Field| settings.get(&field.key).unwrap_or_default();
     let cost = |effect| match effect {
         Effect::Uniform => "free to change",
         Effect::Resources => "a change reallocates",
         Effect::Permutation => "a change compiles a pipeline",
     };
     if args.json {
-        let rows: Vec<_> = fields
-            .iter()
-            .map(|f| {
-                json!({ "key": f.key, "unit": f.unit, "range": f.kind.to_string(), "default": f.default, "meaning": f.meaning, "cost": cost(f.effect) })
+        let row = |f: &Field| {
+            json!({
+                "key": f.key, "unit": f.unit, "range": f.kind.to_string(), "default": f.default, "value": value(f),
+                "meaning": f.meaning, "cost": cost(f.effect), "only_with": f.only.map(|only| only.0),
+                "matters": settings.idle(&f.key).is_none(),
             })
-            .collect();
-        return print_json(&rows);
+        };
+        return print_json(&Settings::fields().iter().map(row).collect::<Vec<_>>());
     }
     let mut text = String::new();
-    for field in &fields {
+    for field in Settings::fields() {
+        let (key, value) = (&field.key, value(field));
         let unit = if field.unit.is_empty() { String::new() } else { format!(" {}", field.unit) };
-        let _ = writeln!(
-            text,
-            "{} = {}{unit}   ({}; {})",
-            field.key,
-            field.default,
-            field.kind,
-            cost(field.effect)
-        );
+        let default =
+            if value == field.default { String::new() } else { format!("default {}; ", field.default) };
+        let _ = writeln!(text, "{key} = {value}{unit}   ({default}{}; {})", field.kind, cost(field.effect));
         let _ = writeln!(text, "    {}", field.meaning);
+        let Some(only) = field.only else { continue };
+        let _ = match settings.idle(key) {
+            None => writeln!(text, "    Matters {only}."),
+            Some(lacks) if lacks == only => writeln!(text, "    Does nothing here, {only}."),
+            Some(lacks) => writeln!(text, "    Matters {only}. Does nothing here, {lacks}."),
+        };
     }
     let _ = writeln!(
         text,

@@ -13,6 +13,7 @@ use chiaro::{Integrator, Recorder, Reference, ReferenceOptions};
 use crate::args::{self, ReferenceArgs, SettingsArgs};
 use crate::output::print;
 use crate::session::Session;
+use crate::values::Setting;
 use file::Sums;
 use progress::Progress;
 
@@ -29,6 +30,9 @@ const WRITING: u32 = 20;
 pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     let first_hits = file::first_hits(args)?;
     let settings = SettingsArgs { preset: None, set: args.set.clone(), seed: args.seed, pipeline: None };
+    for Setting { key, .. } in args.set.iter().filter(|change| !file::counts(&change.key)) {
+        eprintln!("warning: --set {key} does nothing in a reference, which has no techniques");
+    }
     let mut session = Session::open_to_trace(&args.scene, &settings)?;
     if session.duration_s().is_none() && args.time != 0.0 {
         eprintln!("note: nothing moves in this scene");

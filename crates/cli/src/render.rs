@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::args::RenderArgs;
 use crate::left;
 use crate::output::print;
-use crate::session::Session;
+use crate::session::{Session, warn_of_idle};
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
 
 #[derive(Serialize)]
@@ -28,6 +28,7 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
         return left::list(&mut Session::open(&args.scene, &args.settings)?);
     }
     let (aovs, left) = left::names(&args.aovs)?;
+    warn_of_idle(&args.settings)?;
     let mut session = Session::open(&args.scene, &args.settings)?;
     let options = StillOptions { size: session.size, samples: args.samples, aovs, left };
     let mut recorder = Recorder::new(&session.gpu, true);

@@ -2,9 +2,9 @@
 
 use anyhow::{Context, bail};
 use chiaro::scene::{HeightMap, LoadOptions, Pose, Scene, Source};
-use chiaro::{Gpu, GpuOptions, Kit, LoadedScene, Lookout, Pipeline, Renderer, Settings, View, scene};
+use chiaro::{Gpu, GpuOptions, Kit, LoadedScene, Lookout, Renderer, Settings, View, scene};
 
-use crate::args::{self, SceneArgs, SettingsArgs};
+use crate::args::{SceneArgs, SettingsArgs};
 
 /// Everything that a frame needs, or what is traced instead.
 pub struct Session<R = Renderer> {
@@ -175,13 +175,22 @@ pub fn settings(args: &SettingsArgs) -> anyhow::Result<Settings> {
     for change in &args.set {
         settings.set(&change.key, &change.value)?;
     }
-    if let Some(pipeline) = args.pipeline {
-        settings.pipeline = match pipeline {
-            args::Pipeline::Forward => Pipeline::Forward,
-            args::Pipeline::Deferred => Pipeline::Deferred,
-        };
+    if let Some(pipeline) = &args.pipeline {
+        settings.set("pipeline", pipeline)?;
     }
     Ok(settings)
+}
+
+/// Tells which of the changes asked for do nothing beside the others.
+pub fn warn_of_idle(args: &SettingsArgs) -> anyhow::Result<()> {
+    let settings = settings(args)?;
+    let keys: std::collections::BTreeSet<_> = args.set.iter().map(|change| &change.key).collect();
+    for key in keys {
+        if let Some(only) = settings.idle(key) {
+            eprintln!("warning: --set {key} does nothing here, {only}");
+        }
+    }
+    Ok(())
 }
 
 fn see(scene: &Scene, pose: &Pose, eye: Eye) -> anyhow::Result<View> {

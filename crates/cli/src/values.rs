@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use chiaro::scene::HeightMap;
+use chiaro::{Kind, Settings};
+use clap::builder::{PossibleValue, PossibleValuesParser};
 
 /// The largest side of an image, the guaranteed limit of a 2D texture in WebGPU.
 const MAX_SIDE: u32 = 8192;
@@ -130,6 +132,19 @@ impl FromStr for Setting {
             }
         }
     }
+}
+
+/// The values of a setting that is a choice, with their meanings.
+pub fn values_of(key: &str) -> PossibleValuesParser {
+    let field = Settings::fields().iter().find(|field| field.key == key);
+    let names = match field.map(|field| &field.kind) {
+        Some(Kind::Choice(names)) => *names,
+        _ => &[],
+    };
+    let value = |(name, meaning): &(&'static str, &'static str)| {
+        PossibleValue::new(*name).help(meaning.trim().trim_end_matches('.'))
+    };
+    names.iter().map(value).collect::<Vec<_>>().into()
 }
 
 /// Terrain's extent along X and Z, written `400,300`, metres.

@@ -8,7 +8,7 @@ use chiaro_viewer::{Options, StartCamera};
 use crate::args::ViewArgs;
 use chiaro::scene::Source;
 
-use crate::session::{own_view, settings, source};
+use crate::session::{own_view, settings, source, warn_of_idle};
 
 /// Where the shaders lie in a checkout of chiaro.
 const SOURCES: &str = "crates/techniques/src";
@@ -32,6 +32,7 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
     let size = [size.width, size.height];
     let environment = args.scene.environment.clone();
     let settings = settings(&args.settings)?;
+    warn_of_idle(&args.settings)?;
     let shaders = match &args.shaders {
         Some(folder) if !folder.is_dir() => bail!("--shaders {}: there is no such folder", folder.display()),
         Some(folder) => Some(folder.clone()),

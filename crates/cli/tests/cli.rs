@@ -239,6 +239,53 @@ fn what_a_frame_leaves_is_listed_and_written_by_name() {
 }
 
 #[test]
+fn the_pipeline_is_a_setting_that_a_preset_may_choose() {
+    let preset = scratch("forward.ron");
+    std::fs::create_dir_all(preset.parent().unwrap()).unwrap();
+    std::fs::write(&preset, r#"{ "pipeline": "forward", "surface.msaa": 1 }"#).unwrap();
+    let list = |flags: &[&str]| {
+        let output = chiaro(&[&["settings", "--json", "--preset", preset.to_str().unwrap()], flags].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let rows: Vec<serde_json::Value> = serde_json::from_slice(&output.stdout).unwrap();
+        let row = |key: &str| rows.iter().find(|row| row["key"] == key).unwrap().clone();
+        (row("pipeline"), row("surface.msaa"))
+    };
+    let (pipeline, msaa) = list(&[]);
+    assert_eq!((&pipeline["value"], &pipeline["default"]), (&"forward".into(), &"deferred".into()));
+    assert_eq!((&msaa["value"], &msaa["matters"]), (&"1".into(), &true.into()));
+    for flags in [["--pipeline", "deferred"], ["--set", "pipeline=deferred"]] {
+        let (pipeline, msaa) = list(&flags);
+        assert_eq!((&pipeline["value"], &msaa["matters"]), (&"deferred".into(), &false.into()));
+    }
+    assert_fails(&chiaro(&["render", "--pipeline", "back"]), 2, &["deferred", "forward"]);
+}
+
+#[test]
+fn a_change_that_does_nothing_is_a_warning_and_marked_in_the_list() {
+    let sets = ["--set", "shadow.sigma=3", "--set", "shadow.pcf_kernel=5", "--set", "surface.msaa=8"];
+    let output = chiaro(&[&["settings"], &sets[..]].concat());
+    let list = text(&output.stdout);
+    assert!(list.contains("shadow.sigma = 3 texels"), "{list}");
+    assert!(list.contains("Does nothing here, only with shadow.filter=gaussian|gaussian-mip."), "{list}");
+    // What goes wrong later does not keep it back.
+    let output = chiaro(&[&["render", "missing.glb"], &sets[..]].concat());
+    let error = text(&output.stderr);
+    let warned =
+        "warning: --set shadow.sigma does nothing here, only with shadow.filter=gaussian|gaussian-mip";
+    assert!(error.contains(warned), "{error}");
+    assert!(error.contains("--set surface.msaa does nothing here, only with pipeline=forward"), "{error}");
+    assert!(!error.contains("pcf_kernel"), "{error}");
+}
+
+#[test]
+fn suites_are_those_that_there_are() {
+    let help = chiaro(&["bench", "--help"]);
+    let help = text(&help.stdout).to_lowercase();
+    assert!(help.contains("- shadows:") && !help.contains("indirect light"), "{help}");
+    assert_fails(&chiaro(&["bench", "--suite", "caustics"]), 2, &["shadows", "reference"]);
+}
+
+#[test]
 fn settings_that_do_not_go_together_are_wrong_usage() {
     let sets = ["--set", "shadow.representation=variance", "--set", "shadow.filter=pcf"];
     let render = chiaro(&[&["render", "builtin:cornell", "--size", "8x6"], &sets[..]].concat());

@@ -120,6 +120,7 @@ pub struct Gpu {
     pub limits: wgpu::Limits,
     /// Objects made so far.
     pub created: Arc<Created>,
+    samples: Arc<[u32]>,
     problems: Arc<Mutex<Vec<GpuError>>>,
 }
 
@@ -172,7 +173,7 @@ impl Gpu {
     /// When the adapter cannot give the guaranteed WebGPU limits.
     pub async fn open(adapter: &wgpu::Adapter, limits: LimitChoice) -> Result<Self, GpuError> {
         let info = adapter.get_info();
-        let mut wanted = OptionalFeatures::all_flags();
+        let mut wanted = OptionalFeatures::all_flags() | ADAPTER_FORMATS;
         let mut required_limits = wgpu::Limits::default();
         match limits {
             LimitChoice::Guaranteed => {
@@ -206,10 +207,12 @@ impl Gpu {
             })
             .await
             .map_err(|e| GpuError::NoDevice { adapter: info.name.clone(), reason: e.to_string() })?;
-        Ok(Self::from_device(device, queue, info))
+        let samples = sample_counts(&device, adapter);
+        Ok(Self { samples, ..Self::from_device(device, queue, info) })
     }
 
-    /// Uses a host program's device. Its uncaptured-error handler is replaced: ask [`Gpu::check`] instead.
+    /// Uses a host program's device. Its uncaptured-error handler is replaced: ask [`Gpu::check`] instead. Samples per pixel
+    /// are those that every device has.
     pub fn from_device(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Self {
         let problems = Arc::new(Mutex::new(Vec::new()));
         let sink = problems.clone();
@@ -225,7 +228,16 @@ impl Gpu {
         });
         let optional = OptionalFeatures::from_flags(device.features());
         let limits = device.limits();
-        Self { device, queue, info, optional, limits, created: Arc::default(), problems }
+        Self {
+            device,
+            queue,
+            info,
+            optional,
+            limits,
+            created: Arc::default(),
+            samples: GUARANTEED_SAMPLES.into(),
+            problems,
+        }
     }
 
     /// The first error that wgpu reported since the last call; a lost device comes before what follows from it.
@@ -237,6 +249,11 @@ impl Gpu {
         let lost = problems.iter().position(|error| matches!(error, GpuError::DeviceLost(_)));
         let first = problems.drain(..).nth(lost.unwrap_or(0));
         first.map_or(Ok(()), Err)
+    }
+
+    /// Samples per pixel that pictures in half floats and their depth can have, ascending.
+    pub fn sample_counts(&self) -> &[u32] {
+        &self.samples
     }
 
     /// Whether the adapter runs on the CPU.
@@ -257,6 +274,21 @@ impl Gpu {
         let has = self.device.features();
         OptionalFeatures::TABLE.into_iter().map(move |(flag, name, what)| (name, what, has.contains(flag)))
     }
+}
+
+/// What textures can have beyond what WebGPU guarantees, samples per pixel among it.
+const ADAPTER_FORMATS: wgpu::Features = wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES;
+/// Samples per pixel that WebGPU guarantees.
+const GUARANTEED_SAMPLES: [u32; 2] = [1, 4];
+
+fn sample_counts(device: &wgpu::Device, adapter: &wgpu::Adapter) -> Arc<[u32]> {
+    if !device.features().contains(ADAPTER_FORMATS) {
+        return GUARANTEED_SAMPLES.into();
+    }
+    let [color, depth] = [wgpu::TextureFormat::Rgba16Float, wgpu::TextureFormat::Depth32Float]
+        .map(|format| adapter.get_texture_format_features(format).flags);
+    let both = |count: &u32| color.sample_count_supported(*count) && depth.sample_count_supported(*count);
+    [1, 2, 4, 8].into_iter().filter(both).collect()
 }
 
 fn push(problems: &Mutex<Vec<GpuError>>, error: GpuError) {

@@ -42,7 +42,7 @@ pub use chiaro_scene as scene;
 pub use chiaro_techniques as techniques;
 pub use chiaro_techniques::Kit;
 pub use chiaro_techniques::post::Aov;
-pub use chiaro_techniques::settings::{Effect, Field, Kind};
+pub use chiaro_techniques::settings::{Condition, Effect, Field, Kind};
 pub use error::Error;
 pub use left::{Left, LeftOver};
 pub use loaded::LoadedScene;

@@ -9,14 +9,21 @@ use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::Casters;
 
 /// A scene on the GPU with its lights.
+///
+/// Lights, and which of them are directional, follow from the scene alone:
+///
+/// ```compile_fail,E0616
+/// fn darken(scene: &mut chiaro::LoadedScene) {
+///     scene.lights.clear();
+/// }
+/// ```
 #[derive(Debug)]
 pub struct LoadedScene {
     /// Geometry, materials, textures.
     pub gpu: SceneGpu,
-    /// Directional lights first.
-    pub lights: Vec<LightData>,
-    /// How many of them are directional.
-    pub directional: usize,
+    // Directional ones first, and how many they are.
+    lights: Vec<LightData>,
+    directional: usize,
     /// Stored radiance per nit, a power of two.
     pub radiance_scale: f32,
     /// How much of the sky a place sees.
@@ -58,6 +65,16 @@ impl LoadedScene {
         let casters = Casters::new(scene, &pose);
         let radiance_scale = octave.exp2();
         Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose }
+    }
+
+    /// Directional lights first.
+    pub fn lights(&self) -> &[LightData] {
+        &self.lights
+    }
+
+    /// How many of [`LoadedScene::lights`] are directional.
+    pub fn directional(&self) -> usize {
+        self.directional
     }
 
     /// How everything stands now.

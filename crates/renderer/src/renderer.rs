@@ -221,7 +221,7 @@ impl Renderer {
             forward_ws: view.forward_ws(),
             ws_from_clip: steady.inverse(),
         };
-        let mut lights = scene.lights.clone();
+        let mut lights = scene.lights().to_vec();
         let inputs = FitInputs {
             bounds_ws: bounds,
             casters: Some(&scene.casters),
@@ -232,7 +232,7 @@ impl Renderer {
         };
         let shadow_views = fit(&mut lights, &inputs);
         state.notes.clone_from(&shadow_views.notes);
-        let grid = grid_size(size_px, lights.len() - scene.directional);
+        let grid = grid_size(size_px, lights.len() - scene.directional());
         let sky_view = sky_view(&mut state.history, scene, view.eye_ws());
         let map = scene.environment.as_ref();
         let factor = settings.environment.intensity;
@@ -244,23 +244,20 @@ impl Renderer {
         // Behind everything is a light's own radiance.
         let sky = sky * show_direct;
         let diffuse = map.map_or([Mat4::ZERO; 3], |map| map.harmonics.turned(turn, factor * share));
-        let origin = scene.gpu.motion.origin();
-        let previous = state.history.clip_from_ws.get(&origin);
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
-            previous_clip_from_ws: previous.copied().unwrap_or(steady).to_cols_array_2d(),
             eye_ws: view.eye_ws().to_array(),
             orthographic: u32::from(view.is_orthographic()),
             forward_ws: view.forward_ws().to_array(),
             footprint_scale,
             size_px,
-            directional_lights: scene.directional as u32,
-            local_lights: (lights.len() - scene.directional) as u32,
+            directional_lights: scene.directional() as u32,
+            local_lights: (lights.len() - scene.directional()) as u32,
             grid,
             grid_slices: slices(view, bounds, grid[2]),
             lighting_model: settings.surface.lighting as u32,
-            seed: settings.seed,
+            show_unlit: 0.0,
             ambient: around.map(|channel| channel.to_array()),
             environment: diffuse.map(|channel| channel.to_cols_array_2d()),
             sky: sky.to_array(),
@@ -272,13 +269,8 @@ impl Renderer {
             environment_turn: [turn.cos(), turn.sin()],
             show_direct,
             show_indirect,
-            show_unlit: 0.0,
-            reserved0: 0,
-            reserved1: 0,
-            reserved2: 0,
             shadow: settings.shadow.parameters(),
         };
-        state.history.clip_from_ws.keep(origin, steady);
         let eye =
             if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };
         let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
@@ -346,10 +338,15 @@ fn sky_view(history: &mut Histories, scene: &LoadedScene, eye_ws: Vec3) -> SkyVi
 }
 
 fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {
+    let settings = &settings.effective();
     let msaa = settings.surface.msaa.samples();
-    if settings.pipeline == Pipeline::Forward && ![1, 4].contains(&msaa) {
+    let offered = gpu.sample_counts();
+    if settings.pipeline == Pipeline::Forward && !offered.contains(&msaa) {
+        let offered: Vec<_> = offered.iter().map(ToString::to_string).collect();
         return Err(Error::Combination(format!(
-            "surface.msaa = {msaa}: the forward pipeline takes 1 or 4, which every adapter has"
+            "surface.msaa = {msaa}: {} offers {}",
+            gpu.info.name,
+            offered.join(", ")
         )));
     }
     if let Some(reason) = settings.shadow.refused() {

@@ -1,45 +1,102 @@
 //! All settings of all techniques, by key.
 
+use std::sync::LazyLock;
+
 use chiaro_gpu::Gpu;
 use chiaro_techniques::caustics::CausticsSettings;
+use chiaro_techniques::choice;
 use chiaro_techniques::environment::EnvironmentSettings;
 use chiaro_techniques::indirect::IndirectSettings;
 use chiaro_techniques::post::CameraSettings;
-use chiaro_techniques::settings::{Field, SettingsGroup};
+use chiaro_techniques::settings::{Clause, Condition, Effect, Field, SettingsGroup, Value};
 use chiaro_techniques::shadow::ShadowSettings;
 use chiaro_techniques::view::{Raster, SurfaceSettings};
 
 use crate::Error;
 
-/// Which frame function renders.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Pipeline {
-    /// A surface buffer, then lighting in compute.
-    #[default]
-    Deferred,
-    /// Lighting in fragments, with MSAA.
-    Forward,
+choice! {
+    /// Which frame function renders.
+    pub enum Pipeline {
+        /// A surface buffer, then lighting in compute; accumulated samples smooth edges.
+        Deferred = "deferred",
+        /// Lighting in fragments; multisampling smooths edges.
+        Forward = "forward",
+    }
 }
 
-/// Every technique's settings.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Settings {
-    /// Frame function.
-    pub pipeline: Pipeline,
-    /// What all random choices start from; the same seed and settings give the same image.
-    pub seed: u32,
+#[expect(clippy::derivable_impls, reason = "variants of a choice take no attributes")]
+impl Default for Pipeline {
+    fn default() -> Self {
+        Self::Deferred
+    }
+}
+
+/// The key of [`Settings::pipeline`], which is no technique's.
+const PIPELINE: &str = "pipeline";
+
+/// Declares [`Settings`]: one line a group is all that presets, command line and viewer need to have it.
+macro_rules! groups {
+    ($($(#[doc = $doc:literal])+ $name:ident: $group:ty;)+) => {
+        /// Every technique's settings.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub struct Settings {
+            /// `pipeline`: frame function.
+            pub pipeline: Pipeline,
+            /// What all random choices start from; the same seed and settings give the same image. No technique of a frame
+            /// makes any so far.
+            pub seed: u32,
+            $($(#[doc = $doc])+ pub $name: $group),+
+        }
+
+        impl Settings {
+            fn described() -> Vec<Field> {
+                let pipeline = Field {
+                    key: PIPELINE.into(),
+                    meaning: "How surfaces meet light: shaded once a pixel in compute, or while they are drawn.".into(),
+                    unit: "",
+                    kind: Pipeline::kind(&()),
+                    default: Pipeline::default().show(),
+                    effect: Effect::Permutation,
+                    only: None,
+                };
+                [vec![pipeline], $(<$group>::fields()),+].concat()
+            }
+
+            /// The value of a key, as text.
+            pub fn get(&self, key: &str) -> Option<String> {
+                match key.split_once('.') {
+                    None => (key == PIPELINE).then(|| self.pipeline.show()),
+                    $(Some((<$group as SettingsGroup>::GROUP, name)) => self.$name.get(name),)+
+                    Some(_) => None,
+                }
+            }
+
+            fn set_text(&mut self, key: &str, value: &str) -> Option<Result<(), String>> {
+                match key.split_once('.') {
+                    None if key == PIPELINE => {
+                        Some(Pipeline::parse(value, &()).map(|pipeline| self.pipeline = pipeline))
+                    }
+                    $(Some((<$group as SettingsGroup>::GROUP, name)) => self.$name.set(name, value),)+
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+groups! {
     /// `camera.*`
-    pub camera: CameraSettings,
+    camera: CameraSettings;
     /// `surface.*`
-    pub surface: SurfaceSettings,
+    surface: SurfaceSettings;
     /// `shadow.*`
-    pub shadow: ShadowSettings,
+    shadow: ShadowSettings;
     /// `environment.*`
-    pub environment: EnvironmentSettings,
+    environment: EnvironmentSettings;
     /// `indirect.*`
-    pub indirect: IndirectSettings,
+    indirect: IndirectSettings;
     /// `caustics.*`
-    pub caustics: CausticsSettings,
+    caustics: CausticsSettings;
 }
 
 /// Presets by name: a sentence and the keys they set.
@@ -89,78 +146,11 @@ const PRESETS: [(&str, &str, &[(&str, &str)]); 4] = [
     ),
 ];
 
-macro_rules! each_group {
-    ($settings:expr, $group:ident => $body:expr) => {{
-        {
-            let $group = &mut $settings.camera;
-            $body
-        }
-        {
-            let $group = &mut $settings.surface;
-            $body
-        }
-        {
-            let $group = &mut $settings.shadow;
-            $body
-        }
-        {
-            let $group = &mut $settings.environment;
-            $body
-        }
-        {
-            let $group = &mut $settings.indirect;
-            $body
-        }
-        {
-            let $group = &mut $settings.caustics;
-            $body
-        }
-    }};
-}
-
-fn set_in<G: SettingsGroup>(group: &mut G, key: &str, value: &str) -> Option<Result<(), String>> {
-    let name = key.strip_prefix(G::GROUP)?.strip_prefix('.')?;
-    group.set(name, value)
-}
-
-fn get_in<G: SettingsGroup>(group: &G, key: &str) -> Option<String> {
-    group.get(key.strip_prefix(G::GROUP)?.strip_prefix('.')?)
-}
-
 impl Settings {
-    /// These settings with nothing left to the adapter.
-    #[must_use]
-    pub fn resolved(&self, gpu: &Gpu) -> Self {
-        let mut settings = self.clone();
-        for raster in [&mut settings.surface.raster, &mut settings.shadow.raster] {
-            if *raster == Raster::Auto {
-                *raster = if gpu.rasters_slowly() { Raster::Compute } else { Raster::Hardware };
-            }
-        }
-        settings
-    }
-
     /// Every setting there is, described.
-    pub fn fields() -> Vec<Field> {
-        let groups = [
-            CameraSettings::fields(),
-            SurfaceSettings::fields(),
-            ShadowSettings::fields(),
-            EnvironmentSettings::fields(),
-            IndirectSettings::fields(),
-            CausticsSettings::fields(),
-        ];
-        groups.concat()
-    }
-
-    /// The value of a key, as text.
-    pub fn get(&self, key: &str) -> Option<String> {
-        get_in(&self.camera, key)
-            .or_else(|| get_in(&self.surface, key))
-            .or_else(|| get_in(&self.shadow, key))
-            .or_else(|| get_in(&self.environment, key))
-            .or_else(|| get_in(&self.indirect, key))
-            .or_else(|| get_in(&self.caustics, key))
+    pub fn fields() -> &'static [Field] {
+        static FIELDS: LazyLock<Vec<Field>> = LazyLock::new(Settings::described);
+        &FIELDS
     }
 
     /// Sets a key from text.
@@ -168,10 +158,54 @@ impl Settings {
     /// # Errors
     /// [`Error::UnknownSetting`] with the nearest keys, [`Error::SettingValue`] with what is allowed.
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), Error> {
-        each_group!(self, group => if let Some(outcome) = set_in(group, key, value) {
-            return outcome.map_err(|expected| Error::SettingValue { key: key.into(), value: value.into(), expected });
-        });
-        Err(Error::UnknownSetting { key: key.into(), nearest: nearest(key) })
+        let unknown = || Error::UnknownSetting { key: key.into(), nearest: nearest(key) };
+        let wrong = |expected| Error::SettingValue { key: key.into(), value: value.into(), expected };
+        self.set_text(key, value).ok_or_else(unknown)?.map_err(wrong)
+    }
+
+    /// Why a key does nothing beside the others: the condition that it, or a key of its condition, does not meet. `None`
+    /// where it matters.
+    pub fn idle(&self, key: &str) -> Option<Condition> {
+        let only = Self::fields().iter().find(|field| field.key == key)?.only?;
+        let mut reasons = Vec::new();
+        let mut meets = |clause: Clause| {
+            let value = self.get(clause.key).unwrap_or_default();
+            let is_met = clause.values.contains(&value.as_str()) == clause.has;
+            let reason = if is_met { self.idle(clause.key) } else { Some(only) };
+            reasons.extend(reason);
+            reason.is_none()
+        };
+        if only.alternatives().any(|all| all.into_iter().all(&mut meets)) {
+            return None;
+        }
+        reasons.iter().find(|reason| **reason == only).or(reasons.first()).copied()
+    }
+
+    /// These settings with all that does nothing at its default, so that it neither compiles nor refuses anything.
+    #[must_use]
+    pub fn effective(&self) -> Self {
+        let mut settings = self.clone();
+        #[cfg(test)]
+        if tests::LITERALLY.get() {
+            return settings;
+        }
+        for field in Self::fields().iter().filter(|field| self.idle(&field.key).is_some()) {
+            // A default is in its range.
+            let _ = settings.set(&field.key, &field.default);
+        }
+        settings
+    }
+
+    /// The same with nothing left to the adapter.
+    #[must_use]
+    pub fn resolved(&self, gpu: &Gpu) -> Self {
+        let mut settings = self.effective();
+        for raster in [&mut settings.surface.raster, &mut settings.shadow.raster] {
+            if *raster == Raster::Auto {
+                *raster = if gpu.rasters_slowly() { Raster::Compute } else { Raster::Hardware };
+            }
+        }
+        settings
     }
 
     /// Applies a preset: a name of [`Settings::presets`], or the text of a RON map from keys to values.
@@ -211,60 +245,11 @@ impl Settings {
 
 /// The keys spelled most alike, nearest first.
 fn nearest(key: &str) -> String {
-    let mut keys: Vec<_> = Settings::fields().into_iter().map(|field| field.key).collect();
+    let mut keys: Vec<_> = Settings::fields().iter().map(|field| field.key.as_str()).collect();
     keys.sort_by(|a, b| strsim::jaro_winkler(key, b).total_cmp(&strsim::jaro_winkler(key, a)));
     keys.truncate(3);
     keys.join(", ")
 }
 
 #[cfg(test)]
-mod tests {
-    use chiaro_techniques::settings::Kind;
-
-    use super::*;
-
-    #[test]
-    fn every_listed_key_can_be_read_and_set_to_its_default() {
-        let mut settings = Settings::default();
-        for field in Settings::fields() {
-            assert_eq!(settings.get(&field.key).as_ref(), Some(&field.default), "{}", field.key);
-            settings.set(&field.key, &field.default).unwrap();
-        }
-        assert_eq!(settings, Settings::default());
-    }
-
-    #[test]
-    fn an_unknown_key_names_the_nearest() {
-        let message = Settings::default().set("shadow.resolutoin", "1").unwrap_err().to_string();
-        assert!(message.contains("shadow.resolution"), "{message}");
-    }
-
-    #[test]
-    fn the_thesis_shadows_have_no_highlights_back_faces_and_the_most_anisotropy() {
-        let mut settings = Settings::default();
-        settings.apply_preset("thesis-shadows", None).unwrap();
-        let is = |key: &str, value: &str| assert_eq!(settings.get(key).as_deref(), Some(value), "{key}");
-        is("surface.lighting", "lambert");
-        is("shadow.bias.cull_front", "true");
-        is("shadow.sigma", "1.79");
-        for key in ["surface.anisotropy", "shadow.anisotropy"] {
-            let field = Settings::fields().into_iter().find(|field| field.key == key).unwrap();
-            let Kind::Whole(_, most) = field.kind else { panic!("{key}") };
-            is(key, &most.to_string());
-        }
-    }
-
-    #[test]
-    fn presets_are_valid_and_files_take_keys_as_set_does() {
-        for (name, _) in Settings::presets() {
-            Settings::default().apply_preset(name, None).unwrap();
-        }
-        let mut settings = Settings::default();
-        let file = r#"{ "shadow.resolution": 512, "shadow.filter": "none", "surface.normal_maps": false }"#;
-        settings.apply_preset("file", Some(file)).unwrap();
-        assert_eq!(settings.shadow.resolution, 512);
-        assert!(!settings.surface.normal_maps);
-        let wrong = settings.apply_preset("file", Some("{ \"shadow.resolution\": ")).unwrap_err().to_string();
-        assert!(wrong.contains("line 1"), "{wrong}");
-    }
-}
+mod tests;

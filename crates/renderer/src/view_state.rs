@@ -9,7 +9,7 @@ use chiaro_techniques::transparency::LayerRoom;
 use chiaro_techniques::view::SurfaceRoom;
 use chiaro_techniques::view::ViewTable;
 use chiaro_techniques::view::culling::ListRoom;
-use glam::{DVec3, Mat4};
+use glam::DVec3;
 
 use crate::Renderer;
 
@@ -37,8 +37,6 @@ pub(crate) struct Rooms {
 /// What frames leave for the next.
 #[derive(Debug, Default)]
 pub(crate) struct Histories {
-    /// The camera without jitter, by the origin that it counts from.
-    pub clip_from_ws: History<DVec3, Mat4>,
     /// How much of the sky is seen, by scene and by where the eye is.
     pub sky: History<(u64, DVec3), SkyView>,
 }

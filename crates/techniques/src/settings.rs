@@ -1,7 +1,8 @@
 //! One declaration of a technique's parameters feeds the command line, the viewer's panel, presets and the docs.
 //!
-//! [`crate::settings!`] declares a struct whose fields carry meaning (the doc comment), unit, range, default and what a
-//! change costs; [`crate::choice!`] an enum whose variants have names. [`SettingsGroup`] reads and writes fields as text.
+//! [`crate::settings!`] declares a struct whose fields carry meaning (the doc comment), unit, range, default, what a change
+//! costs and when it matters; [`crate::choice!`] an enum whose variants have names. [`SettingsGroup`] reads and writes
+//! fields as text.
 
 use std::ops::RangeInclusive;
 
@@ -50,6 +51,40 @@ impl std::fmt::Display for Kind {
     }
 }
 
+/// When a setting does something: clauses such as `shadow.filter=mip|pcf` or `shadow.layout!=none`, with `and` and, less
+/// tightly, `or` between them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Condition(pub &'static str);
+
+/// What a [`Condition`] asks of one key.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Clause {
+    /// The key.
+    pub key: &'static str,
+    /// Whether it must have one of the values, or none of them.
+    pub has: bool,
+    /// Values as they are shown.
+    pub values: Vec<&'static str>,
+}
+
+impl Condition {
+    /// The clauses: of one alternative at least all must be met.
+    pub fn alternatives(self) -> impl Iterator<Item = Vec<Clause>> {
+        let clause = |text: &'static str| {
+            let (key, values) = text.split_once('=').unwrap_or((text, ""));
+            let (key, has) = key.strip_suffix('!').map_or((key, true), |key| (key, false));
+            Clause { key, has, values: values.split('|').collect() }
+        };
+        self.0.split(" or ").map(move |all| all.split(" and ").map(clause).collect())
+    }
+}
+
+impl std::fmt::Display for Condition {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "only with {}", self.0)
+    }
+}
+
 /// One setting, described.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Field {
@@ -65,6 +100,8 @@ pub struct Field {
     pub default: String,
     /// Cost of a change.
     pub effect: Effect,
+    /// When it matters; `None`: whatever the other settings are.
+    pub only: Option<Condition>,
 }
 
 /// A type that a setting can have.
@@ -160,7 +197,8 @@ macro_rules! choice {
 }
 
 /// Declares a struct of settings: `name: Type = default, "unit", range, Effect;`, with the meaning as doc comment.
-/// `name as "other.key"` where the key is no identifier.
+/// `name as "other.key"` where the key is no identifier; `…, Effect, only "other.key=value";` where it matters only then,
+/// see [`settings::Condition`](crate::settings::Condition).
 #[macro_export]
 macro_rules! settings {
     (
@@ -168,13 +206,16 @@ macro_rules! settings {
         pub struct $name:ident: $group:literal {
             $(
                 $(#[doc = $doc:literal])+
-                $field:ident $(as $key:literal)? : $ty:ty = $default:expr, $unit:literal, $range:expr, $effect:ident;
+                $field:ident $(as $key:literal)? : $ty:ty = $default:expr, $unit:literal, $range:expr, $effect:ident
+                $(, only $only:literal)?;
             )+
         }
     ) => {
         $(#[$meta])*
         #[derive(Clone, Debug, PartialEq)]
-        pub struct $name { $($(#[doc = $doc])+ pub $field: $ty),+ }
+        pub struct $name {
+            $($(#[doc = $doc])+ $(#[doc = concat!("\n\nOnly with `", $only, "`.")])? pub $field: $ty),+
+        }
 
         impl Default for $name {
             fn default() -> Self { Self { $($field: $default),+ } }
@@ -190,6 +231,7 @@ macro_rules! settings {
                     kind: <$ty as $crate::settings::Value>::kind(&$range),
                     default: <$ty as $crate::settings::Value>::show(&$default),
                     effect: $crate::settings::Effect::$effect,
+                    only: $crate::settings!(@only $($only)?),
                 }),+]
             }
             fn get(&self, name: &str) -> Option<String> {
@@ -209,6 +251,8 @@ macro_rules! settings {
     };
     (@key $field:ident $key:literal) => { $key };
     (@key $field:ident) => { stringify!($field) };
+    (@only $only:literal) => { Some($crate::settings::Condition($only)) };
+    (@only) => { None };
 }
 
 #[cfg(test)]
@@ -230,8 +274,22 @@ mod tests {
             shape: Shape = Shape::Round, "", (), Permutation;
             /// A nested key,
             /// on two lines.
-            bias_slope as "bias.slope": f32 = 0.5, "texels", 0.0..=1.0, Uniform;
+            bias_slope as "bias.slope": f32 = 0.5, "texels", 0.0..=1.0, Uniform,
+                only "sample.shape=flat|round and sample.count!=1 or sample.count=3";
         }
+    }
+
+    #[test]
+    fn a_condition_is_alternatives_of_clauses() {
+        let fields = Sample::fields();
+        assert_eq!(fields[0].only, None);
+        let only = fields[2].only.unwrap();
+        let alternatives: Vec<_> = only.alternatives().collect();
+        let clause = |key, has, values: &[&'static str]| Clause { key, has, values: values.to_vec() };
+        let first =
+            vec![clause("sample.shape", true, &["flat", "round"]), clause("sample.count", false, &["1"])];
+        assert_eq!(alternatives, [first, vec![clause("sample.count", true, &["3"])]]);
+        assert!(only.to_string().starts_with("only with sample.shape=flat|round and"));
     }
 
     #[test]

@@ -54,9 +54,14 @@ fn camera(view: &View) -> String {
     format!("{projection:?}, near {near_m} m, far {far_m} m, world_from_camera {world_from_camera}")
 }
 
+/// Whether a setting says what is there.
+pub fn counts(key: &str) -> bool {
+    SETTINGS.iter().any(|known| key.starts_with(known))
+}
+
 fn settings(settings: &Settings) -> String {
     let fields = Settings::fields();
-    let keys = fields.iter().map(|f| &f.key).filter(|key| SETTINGS.iter().any(|s| key.starts_with(s)));
+    let keys = fields.iter().map(|f| &f.key).filter(|key| counts(key));
     let values = keys.map(|key| format!("{key}={}", settings.get(key).unwrap_or_default()));
     values.collect::<Vec<_>>().join(" ")
 }

@@ -1,6 +1,6 @@
 //! What a linked shader binds, read from naga.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
@@ -120,6 +120,58 @@ impl Linked {
         }
         found.sort_by_key(|b| (b.group, b.binding));
         Ok(found)
+    }
+
+    /// Members of the structs that buffers hold, as (struct, member), and whether some function uses them by name or
+    /// makes such a struct.
+    pub fn members(&self) -> BTreeMap<(String, String), bool> {
+        let types = &self.module.types;
+        let members = |ty: naga::Handle<naga::Type>| match &types[ty].inner {
+            naga::TypeInner::Struct { members, .. } => members.as_slice(),
+            _ => &[],
+        };
+        let named = |ty: naga::Handle<naga::Type>, index: usize| {
+            let name = |name: &Option<String>| unmangled(name.as_deref().unwrap_or_default()).to_owned();
+            Some((name(&types[ty].name), name(&members(ty).get(index)?.name)))
+        };
+        let mut found = BTreeMap::new();
+        let buffers = self.module.global_variables.iter().filter(|(_, global)| global.binding.is_some());
+        let mut held: Vec<_> = buffers.map(|(_, global)| global.ty).collect();
+        while let Some(ty) = held.pop() {
+            if let naga::TypeInner::Array { base, .. } = types[ty].inner {
+                held.push(base);
+            }
+            held.extend(members(ty).iter().map(|member| member.ty));
+            found.extend((0..members(ty).len()).filter_map(|index| Some((named(ty, index)?, false))));
+        }
+        let functions = self.module.functions.iter().map(|(handle, function)| (function, &self.info[handle]));
+        let entries = self.module.entry_points.iter().enumerate();
+        let entries = entries.map(|(index, entry)| (&entry.function, self.info.get_entry_point(index)));
+        for (function, info) in functions.chain(entries) {
+            for (_, expression) in function.expressions.iter() {
+                let (base, index) = match *expression {
+                    naga::Expression::AccessIndex { base, index } => (base, index),
+                    naga::Expression::Compose { ty, .. } => {
+                        let made = (0..members(ty).len()).filter_map(|index| named(ty, index));
+                        made.for_each(|name| {
+                            found.entry(name).and_modify(|used| *used = true);
+                        });
+                        continue;
+                    }
+                    _ => continue,
+                };
+                let ty = match info[base].ty {
+                    naga::proc::TypeResolution::Handle(ty) => ty,
+                    naga::proc::TypeResolution::Value(naga::TypeInner::Pointer { base, .. }) => base,
+                    naga::proc::TypeResolution::Value(_) => continue,
+                };
+                let ty = if let naga::TypeInner::Pointer { base, .. } = types[ty].inner { base } else { ty };
+                if let Some(used) = named(ty, index as usize).and_then(|name| found.get_mut(&name)) {
+                    *used = true;
+                }
+            }
+        }
+        found
     }
 
     /// The entry points by stage.

@@ -16,7 +16,7 @@ pub(super) fn write_frame(
 ) {
     let data = frame_data(loaded, settings, view, size_px);
     let lights: Vec<_> =
-        loaded.lights.iter().map(|l| LightData { first_view: LightData::NO_VIEW, ..*l }).collect();
+        loaded.lights().iter().map(|l| LightData { first_view: LightData::NO_VIEW, ..*l }).collect();
     gpu.queue.write_buffer(group.frame.raw(), 0, bytemuck::bytes_of(&data));
     gpu.queue.write_buffer(group.lighting.raw(), FIRST_LIGHT_BYTES, bytemuck::cast_slice(&lights));
 }
@@ -28,16 +28,14 @@ fn frame_data(loaded: &LoadedScene, settings: &Settings, view: &View, size_px: [
     FrameData {
         clip_from_ws,
         relative_from_clip: view.relative_from_clip(size_px, Vec2::ZERO).to_cols_array_2d(),
-        previous_clip_from_ws: clip_from_ws,
         eye_ws: view.eye_ws().to_array(),
         orthographic: u32::from(view.is_orthographic()),
         forward_ws: view.forward_ws().to_array(),
         footprint_scale: 1.0,
         size_px,
-        directional_lights: loaded.directional as u32,
-        local_lights: (loaded.lights.len() - loaded.directional) as u32,
+        directional_lights: loaded.directional() as u32,
+        local_lights: (loaded.lights().len() - loaded.directional()) as u32,
         lighting_model: settings.surface.lighting as u32,
-        seed: settings.seed,
         radiance_scale: 1.0,
         normal_maps: u32::from(settings.surface.normal_maps),
         anisotropy: 1,

@@ -169,7 +169,7 @@ impl Reference {
             photons.lanes_done = 0;
         }
         let environment = loaded.environment.as_ref().map(|map| &map.texture);
-        self.frame_group.reserve(gpu, loaded.lights.len(), environment);
+        self.frame_group.reserve(gpu, loaded.lights().len(), environment);
         write_frame(gpu, &self.frame_group, (loaded, settings), (view, size_px));
         if same_size {
             self.sum.resume(0);

@@ -11,7 +11,6 @@ use chiaro_gpu::{Buffer, Frame, Gpu, Group, GroupLayout, Life, Texture, TextureO
 pub struct FrameData {
     pub clip_from_ws: [[f32; 4]; 4],
     pub relative_from_clip: [[f32; 4]; 4],
-    pub previous_clip_from_ws: [[f32; 4]; 4],
     pub eye_ws: [f32; 3],
     pub orthographic: u32,
     pub forward_ws: [f32; 3],
@@ -22,7 +21,7 @@ pub struct FrameData {
     pub grid: [u32; 4],
     pub grid_slices: [f32; 2],
     pub lighting_model: u32,
-    pub seed: u32,
+    pub show_unlit: f32,
     pub ambient: [[f32; 4]; 3],
     pub environment: [[[f32; 4]; 4]; 3],
     pub sky: [f32; 3],
@@ -34,10 +33,6 @@ pub struct FrameData {
     pub environment_turn: [f32; 2],
     pub show_direct: f32,
     pub show_indirect: f32,
-    pub show_unlit: f32,
-    pub reserved0: u32,
-    pub reserved1: u32,
-    pub reserved2: u32,
     pub shadow: ShadowParameters,
 }
 
@@ -117,7 +112,6 @@ impl LightData {
 #[allow(missing_docs)]
 pub struct ShadowViewData {
     pub clip_from_ws: [[f32; 4]; 4],
-    pub rect: [f32; 4],
     pub layer: u32,
     pub projection: u32,
     pub texel_m: f32,

@@ -25,8 +25,7 @@ pub struct InstanceData {
     pub previous_world_from_object: [[f32; 4]; 3],
     pub max_scale: f32,
     pub flags: u32,
-    pub node: u32,
-    pub reserved: u32,
+    pub reserved: [u32; 2],
 }
 
 /// See `scene.wesl`.
@@ -180,6 +179,7 @@ fn drawn_materials(scene: &cs::Scene) -> impl Iterator<Item = &cs::Material> {
 /// A mesh where a node draws it.
 pub(crate) struct Drawn {
     pub instance: u32,
+    pub node: cs::Id,
     pub mesh: cs::Id,
     pub clusters: Range<usize>,
     /// Neither moves nor bends.
@@ -211,7 +211,7 @@ impl Cut {
             let clusters = if bends {
                 let clusters = heap.add_bending(scene, (pose, node), &cuts[mesh], &mut motion.rest);
                 motion.add_bending(scene, instance, node, clusters.clone());
-                instances.push(bending_instance_data(world, node as u32));
+                instances.push(bending_instance_data(world));
                 clusters
             } else {
                 if moving[node] {
@@ -219,11 +219,11 @@ impl Cut {
                 } else {
                     motion.add_fixed(instance, node);
                 }
-                instances.push(instance_data(world, node as u32));
+                instances.push(instance_data(world));
                 let add = || heap.add_mesh(&scene.meshes[mesh], &cuts[mesh], &scene.materials);
                 clusters_of_mesh[mesh].get_or_insert_with(add).clone()
             };
-            drawn.push(Drawn { instance, mesh, clusters, fixed: !bends && !moving[node] });
+            drawn.push(Drawn { instance, node, mesh, clusters, fixed: !bends && !moving[node] });
         }
         Self { heap, motion, instances, drawn }
     }
@@ -415,13 +415,13 @@ fn sampler(gpu: &Gpu) -> wgpu::Sampler {
 }
 
 /// The instance of a mesh that bends, whose vertices are stored in world space; `matrix` tells whether it is mirrored.
-pub(crate) fn bending_instance_data(matrix: &Affine3A, node: u32) -> InstanceData {
+pub(crate) fn bending_instance_data(matrix: &Affine3A) -> InstanceData {
     let flags = u32::from(matrix.matrix3.determinant() < 0.0);
-    InstanceData { flags, ..instance_data(&Affine3A::IDENTITY, node) }
+    InstanceData { flags, ..instance_data(&Affine3A::IDENTITY) }
 }
 
 /// The instance of a node at its pose, at rest.
-pub fn instance_data(world_from_object: &Affine3A, node: u32) -> InstanceData {
+pub fn instance_data(world_from_object: &Affine3A) -> InstanceData {
     let m = world_from_object.matrix3;
     let axes = [m.x_axis, m.y_axis, m.z_axis].map(Vec3::from);
     let lengths = axes.map(Vec3::length);
@@ -440,7 +440,6 @@ pub fn instance_data(world_from_object: &Affine3A, node: u32) -> InstanceData {
         max_scale,
         // Normal cones survive rotation, uniform scale and translation only.
         flags: u32::from(mirrored) | u32::from(equal && square && !mirrored) << 1,
-        node,
-        reserved: 0,
+        reserved: [0; 2],
     }
 }

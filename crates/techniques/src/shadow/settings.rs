@@ -248,79 +248,88 @@ settings! {
         /// shadow.point_layout says.
         layout: Layout = Layout::Cascaded, "", (), Resources;
         /// Maps of point lights.
-        point_layout: PointLayout = PointLayout::Cube, "", (), Permutation;
+        point_layout: PointLayout = PointLayout::Cube, "", (), Permutation, only "shadow.layout!=none";
         /// What maps hold: depth, or moments of depth that can be blurred and mipmapped.
-        representation: Representation = Representation::Depth, "", (), Permutation;
+        representation: Representation = Representation::Depth, "", (), Permutation, only "shadow.layout!=none";
         /// How a map is filtered. Depth takes none, pcf and pcss; all others none, gaussian, mip and gaussian-mip.
-        filter: Filter = Filter::Pcf, "", (), Permutation;
+        filter: Filter = Filter::Pcf, "", (), Permutation, only "shadow.layout!=none";
         /// Side of each shadow map. More sharpens shadows and costs 4 bytes a texel (and 4 a channel of moments) and raster
         /// time.
-        resolution: u32 = 2048, "texels", 16..=8192, Resources;
-        /// Maps of a sun with shadow.layout = cascaded. More sharpens near shadows and costs a map each.
-        cascades: u32 = 4, "maps", 1..=8, Resources;
+        resolution: u32 = 2048, "texels", 16..=8192, Resources, only "shadow.layout!=none";
+        /// Maps of a sun. More sharpens near shadows and costs a map each.
+        cascades: u32 = 4, "maps", 1..=8, Resources, only "shadow.layout=cascaded";
         /// Where cascades part: 0 evenly along the view, 1 by equal ratios of distance (Zhang et al. 2006, eq. 5).
-        split_lambda: f32 = 0.75, "", 0.0..=1.0, Uniform;
+        split_lambda: f32 = 0.75, "", 0.0..=1.0, Uniform, only "shadow.layout=cascaded and shadow.splits=auto";
         /// Where cascades part, by hand instead of by shadow.split_lambda: distances along the view at which they end. One
         /// fewer than cascades: the last reaches as far as the scene; as many: beyond the last nothing is in shadow.
-        splits: Splits = Splits(Vec::new()), "m", (), Uniform;
+        splits: Splits = Splits(Vec::new()), "m", (), Uniform, only "shadow.layout=cascaded";
         /// What cascades are fitted to: the camera's view, or what is in the picture.
-        fit: Fit = Fit::Frustum, "", (), Permutation;
+        fit: Fit = Fit::Frustum, "", (), Permutation, only "shadow.layout!=none";
         /// Share of a cascade over which it fades into the next.
-        blend: f32 = 0.1, "of a cascade", 0.0..=1.0, Uniform;
+        blend: f32 = 0.1, "of a cascade", 0.0..=1.0, Uniform, only "shadow.layout=cascaded and shadow.cascades!=1";
         /// Which cascade a point is looked up in.
-        cascade_select: CascadeSelect = CascadeSelect::Projection, "", (), Permutation;
+        cascade_select: CascadeSelect = CascadeSelect::Projection, "", (), Permutation,
+            only "shadow.layout=cascaded and shadow.cascades!=1";
         /// Texels across the percentage-closer kernel. Wider is softer and costs taps.
-        pcf_kernel: PcfKernel = PcfKernel::Three, "texels", (), Permutation;
-        /// Reach of the Gaussian blur and of the disc kernel. Wider is softer.
-        filter_radius: f32 = 2.0, "texels", 0.0..=32.0, Uniform;
+        pcf_kernel: PcfKernel = PcfKernel::Three, "texels", (), Permutation, only "shadow.filter=pcf";
+        /// Reach of the Gaussian blur and of the disc kernel, and what receivers of pcss are moved for where their plane is
+        /// not followed. Wider is softer.
+        filter_radius: f32 = 2.0, "texels", 0.0..=32.0, Uniform,
+            only "shadow.filter=gaussian|gaussian-mip or shadow.pcf_kernel=disc or \
+                  shadow.filter=pcss and shadow.bias.receiver_plane=false";
         /// Weights of the blur: binomial, or a Gaussian of this standard deviation in texels.
-        sigma: Sigma = Sigma(None), "texels", 0.1..=32.0, Uniform;
+        sigma: Sigma = Sigma(None), "texels", 0.1..=32.0, Uniform, only "shadow.filter=gaussian|gaussian-mip";
         /// How large lights are, for pcss: across a sun in radians (ours is 0.0093), across other lights in metres.
-        light_size: f32 = 0.02, "rad or m", 0.0..=10.0, Uniform;
+        light_size: f32 = 0.02, "rad or m", 0.0..=10.0, Uniform, only "shadow.filter=pcss";
         /// Steepness c of the exponential map's e^(c·depth). Steeper leaks less; 32-bit floats end at 88.
-        exponent: f32 = 80.0, "", 1.0..=85.0, Uniform;
+        exponent: f32 = 80.0, "", 1.0..=85.0, Uniform, only "shadow.representation=exponential";
         /// Steepness of the positive warp of evsm2 and evsm4.
-        evsm_positive: f32 = 40.0, "", 1.0..=42.0, Uniform;
+        evsm_positive: f32 = 40.0, "", 1.0..=42.0, Uniform, only "shadow.representation=evsm2|evsm4";
         /// Steepness of the negative warp of evsm4.
-        evsm_negative: f32 = 20.0, "", 1.0..=42.0, Uniform;
+        evsm_negative: f32 = 20.0, "", 1.0..=42.0, Uniform, only "shadow.representation=evsm4";
         /// Whether the exponential map is averaged over 2×2 texels as it is made.
-        prefilter: bool = false, "", (), Uniform;
+        prefilter: bool = false, "", (), Uniform, only "shadow.representation=exponential";
         /// Visibility of moment maps below this is dark, and the rest stretched: cuts light that bleeds through.
-        bleed_reduction: f32 = 0.2, "", 0.0..=0.99, Uniform;
+        bleed_reduction: f32 = 0.2, "", 0.0..=0.99, Uniform,
+            only "shadow.representation=variance|evsm2|evsm4|moments or \
+                  shadow.representation=exponential and shadow.darkens!=thesis";
         /// Least variance that variance maps are taken to have: a receiver closer behind its caster than its root is lit in
-        /// part. More hides acne and dark seams, and lights what lies at the feet of casters. Only with
-        /// shadow.representation = variance.
-        min_variance: f32 = 0.0, "of the depth range squared", 0.0..=0.01, Uniform;
-        /// Most samples along a slanted pixel footprint, for mipmapped moment maps.
-        anisotropy: u32 = 8, "samples", 1..=16, Uniform;
+        /// part. More hides acne and dark seams, and lights what lies at the feet of casters.
+        min_variance: f32 = 0.0, "of the depth range squared", 0.0..=0.01, Uniform,
+            only "shadow.representation=variance";
+        /// Most samples along a slanted pixel footprint in a mipmapped map.
+        anisotropy: u32 = 8, "samples", 1..=16, Uniform, only "shadow.filter=mip|gaussian-mip";
         /// Whether glass tints the light it lets through instead of casting a full shadow: an approximation without
         /// refraction, for scenes without caustics.
-        transmission_tint: bool = false, "", (), Permutation;
+        transmission_tint: bool = false, "", (), Permutation, only "shadow.layout!=none";
         /// What shadows darken, and how shadow.floor bounds it: direct light, as is physical, or the whole colour.
-        darkens: Darkens = Darkens::Direct, "", (), Permutation;
+        darkens: Darkens = Darkens::Direct, "", (), Permutation, only "shadow.layout!=none";
         /// Light that reaches what lies in shadow, as a share: 0 is physical.
-        floor: f32 = 0.0, "", 0.0..=1.0, Uniform;
+        floor: f32 = 0.0, "", 0.0..=1.0, Uniform, only "shadow.representation!=depth or shadow.darkens!=thesis";
         /// All maps together take at most this much; beyond it the resolution is halved, and said.
-        memory_budget: u32 = 1024, "MiB", 1..=65536, Resources;
+        memory_budget: u32 = 1024, "MiB", 1..=65536, Resources, only "shadow.layout!=none";
         /// Whether maps whose light, camera and casters rest are kept from frame to frame. Off renders all of them every
         /// frame, as for lights that move.
-        cache: bool = true, "", (), Uniform;
+        cache: bool = true, "", (), Uniform, only "shadow.layout!=none";
         /// Whether every texel is compared with the receiver's plane at that texel: a plane then needs no other bias, at
         /// the cost of comparing in the shader. Without it the hardware compares, all texels with one depth.
-        bias_receiver_plane as "bias.receiver_plane": bool = true, "", (), Permutation;
+        bias_receiver_plane as "bias.receiver_plane": bool = true, "", (), Permutation,
+            only "shadow.representation=depth";
         /// Receiver offset along its normal, as a share of what the comparison needs (a quarter texel along the
         /// receiver's plane, else the filter's reach): 1 is enough.
         /// More hides acne on curved surfaces and lets thin shadows shrink.
-        bias_normal_offset as "bias.normal_offset": f32 = 1.0, "of what is needed", 0.0..=8.0, Uniform;
+        bias_normal_offset as "bias.normal_offset": f32 = 1.0, "of what is needed", 0.0..=8.0, Uniform,
+            only "shadow.layout!=none";
         /// Receiver offset towards the light that grows with tan θ, as a share of what a plane needs.
-        bias_slope as "bias.slope": f32 = 0.0, "of what is needed", 0.0..=8.0, Uniform;
+        bias_slope as "bias.slope": f32 = 0.0, "of what is needed", 0.0..=8.0, Uniform, only "shadow.layout!=none";
         /// Receiver offset towards the light, in texels of the map at the receiver.
-        bias_constant as "bias.constant": f32 = 0.25, "texels", 0.0..=64.0, Uniform;
+        bias_constant as "bias.constant": f32 = 0.25, "texels", 0.0..=64.0, Uniform, only "shadow.layout!=none";
         /// What rasters the maps: the hardware, or compute on GPUs that have little raster hardware. Paraboloids and tinted
         /// light take the hardware all the same.
-        raster: Raster = Raster::Auto, "", (), Permutation;
+        raster: Raster = Raster::Auto, "", (), Permutation,
+            only "shadow.point_layout=cube and shadow.transmission_tint=false";
         /// Whether only back faces cast: no acne on closed objects, but light leaks at their feet.
-        bias_cull_front as "bias.cull_front": bool = false, "", (), Permutation;
+        bias_cull_front as "bias.cull_front": bool = false, "", (), Permutation, only "shadow.layout!=none";
     }
 }
 

@@ -183,7 +183,6 @@ impl Maker<'_> {
         let settings = self.inputs.settings;
         ShadowViewData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
-            rect: [1.0, 1.0, 0.0, 0.0],
             layer,
             projection: ShadowViewData::PARALLEL,
             texel_m: 0.0,

@@ -57,9 +57,9 @@ settings! {
     pub struct SurfaceSettings: "surface" {
         /// Reflection model of all surfaces: pbr keeps materials as written, phong and lambert replace them.
         lighting: Lighting = Lighting::Pbr, "", (), Uniform;
-        /// Samples per pixel of the forward pipeline. More smooths edges and costs memory and bandwidth;
-        /// WebGPU guarantees 1 and 4.
-        msaa: Msaa = Msaa::Four, "samples", (), Permutation;
+        /// Samples per pixel. More smooths edges and costs memory and bandwidth; every adapter has 1 and 4.
+        msaa: Msaa = Msaa::Four, "samples", (), Permutation,
+            only "pipeline=forward";
         /// See-through surfaces one behind the other that a pixel can show; the nearest count. More shows deeper stacks
         /// of glass, and each costs 8 bytes a pixel and about six passes.
         layers: u32 = 4, "layers", 1..=8, Resources;

@@ -1,7 +1,8 @@
 //! Pipelines, runs and devices against each other.
 
 use chiaro::scene;
-use chiaro::{Gpu, Pipeline, Recorder, Settings, View};
+use chiaro::techniques::scene::SceneFacts;
+use chiaro::{Gpu, Pipeline, Recorder, Renderer, Settings, View};
 use chiaro_image::Image;
 use chiaro_testkit::{Studio, device, device_guaranteed, device_of_its_own, nmae};
 use glam::Vec2;
@@ -45,14 +46,44 @@ fn forward_and_deferred_show_the_same_nave() {
 }
 
 #[test]
-fn multisampling_only_smooths() {
+fn multisampling_only_smooths_and_what_the_adapter_lacks_is_refused_by_name() {
     let gpu = device();
+    let offered = gpu.sample_counts();
+    assert!(offered.starts_with(&[1]) && offered.contains(&4), "{offered:?}");
     let one = picture(&gpu, "builtin:cornell", settings(Pipeline::Forward, "1"), 16);
-    let four = picture(&gpu, "builtin:cornell", settings(Pipeline::Forward, "4"), 16);
-    let distance = nmae(&four, &one);
-    // An edge that 16 jittered samples place to a 16th of a pixel and 64 place better: a fifth of this small picture's
-    // pixels hold an edge, which makes about a percent.
-    assert!(distance < 0.02, "{distance}");
+    for msaa in [2, 4, 8] {
+        let settings = settings(Pipeline::Forward, &msaa.to_string());
+        if offered.contains(&msaa) {
+            let distance = nmae(&picture(&gpu, "builtin:cornell", settings, 16), &one);
+            // An edge that 16 jittered samples place to a 16th of a pixel and 64 place better: a fifth of this small
+            // picture's pixels hold an edge, which makes about a percent.
+            assert!(distance < 0.02, "{msaa}: {distance}");
+        } else {
+            let refused = Renderer::new(&gpu, settings).unwrap_err().to_string();
+            assert!(
+                refused.contains(&format!("surface.msaa = {msaa}")) && refused.contains("1, "),
+                "{refused}"
+            );
+        }
+    }
+}
+
+#[test]
+fn guaranteed_webgpu_has_one_and_four_samples() {
+    let gpu = device_guaranteed();
+    assert_eq!(gpu.sample_counts(), [1, 4]);
+    let refused = Renderer::new(&gpu, settings(Pipeline::Forward, "8")).unwrap_err().to_string();
+    assert!(refused.ends_with("offers 1, 4"), "{refused}");
+}
+
+#[test]
+fn samples_per_pixel_neither_refuse_nor_compile_anything_of_the_deferred_pipeline() {
+    let gpu = device();
+    let renderer = Renderer::new(&gpu, settings(Pipeline::Deferred, "8")).unwrap();
+    for msaa in ["1", "2", "4"] {
+        let plan = renderer.plan(settings(Pipeline::Deferred, msaa), SceneFacts::default()).unwrap();
+        assert!(plan.is_empty(), "{msaa}");
+    }
 }
 
 #[test]

@@ -30,7 +30,7 @@ impl Viewer {
                 ui.weak(format!(
                     "{} triangles, {} lights, {megabytes:.1} MB, {:.1} m across",
                     stage.loaded.gpu.triangle_count,
-                    stage.loaded.lights.len(),
+                    stage.loaded.lights().len(),
                     stage.size_m()
                 ));
             }

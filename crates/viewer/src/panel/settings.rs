@@ -1,6 +1,6 @@
 //! Every setting as a widget, made from its declaration.
 
-use chiaro::{Effect, Field, Kind, Pipeline, Settings};
+use chiaro::{Condition, Effect, Field, Kind, Settings};
 use egui::{CollapsingHeader, ComboBox, Grid, RichText, Slider, TextEdit, Ui};
 
 use crate::panel::ERROR;
@@ -8,6 +8,8 @@ use crate::viewer::Viewer;
 
 /// From this ratio of its ends on a slider is logarithmic.
 const WIDE_RANGE: f64 = 200.0;
+/// Of what does nothing beside the other settings.
+const IDLE_OPACITY: f32 = 0.4;
 /// Points that names take.
 const NAME_WIDTH: f32 = 130.0;
 
@@ -38,7 +40,6 @@ impl Viewer {
                         .desired_width(f32::INFINITY),
                 );
             });
-            general_ui(ui, &mut wanted);
             fields_ui(ui, &mut wanted, &self.panel.search.to_lowercase());
             if wanted != self.wanted {
                 self.panel.settings_error = None;
@@ -60,22 +61,6 @@ fn preset_ui(ui: &mut Ui, wanted: &mut Settings, error: &mut Option<String>) {
                 }
             }
         }
-    });
-}
-
-/// What is no technique's.
-fn general_ui(ui: &mut Ui, wanted: &mut Settings) {
-    ui.horizontal(|ui| {
-        ui.label("pipeline");
-        ui.selectable_value(&mut wanted.pipeline, Pipeline::Deferred, "deferred")
-            .on_hover_text("Store surfaces first, shade each pixel once in compute");
-        ui.selectable_value(&mut wanted.pipeline, Pipeline::Forward, "forward")
-            .on_hover_text("Shade while drawing, with multisampling");
-        ui.separator();
-        ui.label("seed");
-        ui.add(egui::DragValue::new(&mut wanted.seed)).on_hover_text(
-            "What all random choices start from; the same seed and settings give the same image",
-        );
     });
 }
 
@@ -107,7 +92,7 @@ fn fields_ui(ui: &mut Ui, wanted: &mut Settings, search: &str) {
 }
 
 fn group_of(field: &Field) -> &str {
-    field.key.split('.').next().unwrap_or_default()
+    field.key.split_once('.').map_or("general", |(group, _)| group)
 }
 
 /// `bias.normal_offset` of `shadow.bias.normal_offset`, in words.
@@ -118,14 +103,25 @@ fn name_of(field: &Field) -> String {
 
 fn field_ui(ui: &mut Ui, wanted: &mut Settings, field: &Field) {
     let Some(value) = wanted.get(&field.key) else { return };
+    let idle = wanted.idle(&field.key);
     // The same width in all groups, so that widgets stand in one column.
     let size = egui::vec2(NAME_WIDTH, ui.spacing().interact_size.y);
     let left = egui::Layout::left_to_right(egui::Align::Center);
     ui.allocate_ui_with_layout(size, left, |ui| {
         ui.set_min_width(NAME_WIDTH);
-        ui.label(name_of(field)).on_hover_ui(|ui| about(ui, field));
+        let name = RichText::new(name_of(field));
+        let name = if idle.is_some() { name.weak() } else { name };
+        ui.label(name).on_hover_ui(|ui| about(ui, field, idle));
     });
-    let new = widget(ui, field, &value);
+    // It can still be set, for when it matters, but looks as if not.
+    let new = ui
+        .scope(|ui| {
+            if idle.is_some() {
+                ui.multiply_opacity(IDLE_OPACITY);
+            }
+            widget(ui, field, &value)
+        })
+        .inner;
     let reset = if value == field.default {
         ui.label("");
         false
@@ -139,8 +135,8 @@ fn field_ui(ui: &mut Ui, wanted: &mut Settings, field: &Field) {
     }
 }
 
-/// Meaning, unit and price, for the tooltip.
-fn about(ui: &mut Ui, field: &Field) {
+/// Meaning, unit, price and when it matters, for the tooltip.
+fn about(ui: &mut Ui, field: &Field, idle: Option<Condition>) {
     ui.set_max_width(320.0);
     ui.label(RichText::new(&field.key).strong());
     ui.label(&field.meaning);
@@ -156,6 +152,12 @@ fn about(ui: &mut Ui, field: &Field) {
         Effect::Resources => "A change allocates textures or buffers",
         Effect::Permutation => "A change compiles pipelines, while the picture goes on",
     });
+    if let Some(only) = field.only {
+        ui.weak(format!("Matters {only}"));
+    }
+    if let Some(lacks) = idle {
+        ui.label(RichText::new(format!("Does nothing here, {lacks}")).strong());
+    }
 }
 
 /// The widget of a field; the new value as text when the user changed it.

@@ -262,7 +262,7 @@ fn places(scene: &cs::Scene, cut: &Cut) -> Vec<Option<Place>> {
     }
     let of = |drawn: &Drawn| {
         let instance = &cut.instances[drawn.instance as usize];
-        let node = instance.node as usize;
+        let node = drawn.node;
         if scene.deforms(&scene.nodes[node]) {
             return Some(Place::Bent(Mover::new(scene, node)));
         }

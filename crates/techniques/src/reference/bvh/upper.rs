@@ -46,7 +46,7 @@ impl Placed {
                 Some((Aabb::new(Vec3A::from(lo) - slack, Vec3A::from(hi) + slack), lies))
             }
             &Place::Carried { instance, node } => {
-                let data = instance_data(&pose.world_from_node[node], node as u32);
+                let data = instance_data(&pose.world_from_node[node]);
                 let [x, y, z] = inverse_rows(&data)?;
                 Some((moved(&self.bounds, &data), [x, y, z, [instance, self.root, 0, 0]]))
             }

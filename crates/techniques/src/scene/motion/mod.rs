@@ -220,13 +220,13 @@ impl SceneMotion {
         (self.origin, self.fixed_lag) = (scene.origin, moved_origin);
         let fixed = self.fixed.iter().filter(|_| with_fixed);
         let rigid = self.rigid.iter().chain(fixed).map(|&(instance, node)| {
-            InstanceMove::new(instance, &instance_data(&pose.world_from_node[node], node as u32))
+            InstanceMove::new(instance, &instance_data(&pose.world_from_node[node]))
         });
         // What bends is stored in world space; but a mirror still turns its triangles over.
         let bending = self.bending.iter().map(|&Bending { instance, node, .. }| {
             let joints = scene.joint_matrices(pose, node);
             let matrix = joints.first().unwrap_or(&pose.world_from_node[node]);
-            InstanceMove::new(instance, &bending_instance_data(matrix, node as u32))
+            InstanceMove::new(instance, &bending_instance_data(matrix))
         });
         let moves: Vec<_> = rigid.chain(bending).collect();
         let mut words: Vec<[f32; 4]> = Vec::with_capacity(self.pose.len());

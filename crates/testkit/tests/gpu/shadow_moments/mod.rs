@@ -118,14 +118,7 @@ impl Depths {
 
 /// A parallel view of a layer.
 fn view(layer: u32, side: u32) -> ShadowViewData {
-    ShadowViewData {
-        rect: [1.0, 1.0, 0.0, 0.0],
-        layer,
-        near_m: 1.0,
-        far_m: 11.0,
-        resolution: side as f32,
-        ..ShadowViewData::zeroed()
-    }
+    ShadowViewData { layer, near_m: 1.0, far_m: 11.0, resolution: side as f32, ..ShadowViewData::zeroed() }
 }
 
 /// Maps of moments and what looks them up.
