@@ -117,6 +117,9 @@ pub struct Gpu {
     pub optional: OptionalFeatures,
     /// Limits the device was made with.
     pub limits: wgpu::Limits,
+    /// Whether compiled pipelines could be kept in files of one's own, as far as the device or its adapter tells. No cache
+    /// is in use.
+    pub offers_pipeline_cache: bool,
     /// Objects made so far.
     pub created: Arc<Created>,
     problems: Arc<Mutex<Vec<GpuError>>>,
@@ -195,7 +198,8 @@ impl Gpu {
             })
             .await
             .map_err(|e| GpuError::NoDevice { adapter: info.name.clone(), reason: e.to_string() })?;
-        Ok(Self::from_device(device, queue, info))
+        let offers_pipeline_cache = adapter.features().contains(wgpu::Features::PIPELINE_CACHE);
+        Ok(Self { offers_pipeline_cache, ..Self::from_device(device, queue, info) })
     }
 
     /// Uses a host program's device. Its uncaptured-error handler is replaced: ask [`Gpu::check`] instead.
@@ -214,7 +218,9 @@ impl Gpu {
         });
         let optional = OptionalFeatures::from_flags(device.features());
         let limits = device.limits();
-        Self { device, queue, info, optional, limits, created: Arc::default(), problems }
+        let offers_pipeline_cache = device.features().contains(wgpu::Features::PIPELINE_CACHE);
+        let created = Arc::default();
+        Self { device, queue, info, optional, limits, offers_pipeline_cache, created, problems }
     }
 
     /// The first error that wgpu reported since the last call; a lost device comes before what follows from it.

@@ -84,8 +84,8 @@ impl Renderer {
     }
 
     fn with(kit: Kit, settings: Settings, facts: SceneFacts) -> Result<Self, Error> {
-        check(&kit.gpu, &settings)?;
         let resolved = settings.resolved(&kit.gpu);
+        check(&kit.gpu, &resolved)?;
         let plan = Plan::new(kit.clone(), settings.clone(), facts, 0, Missing::all(facts));
         let Some(passes) = plan.build()?.into_passes() else { unreachable!("everything was missing") };
         kit.gpu.check()?;
@@ -118,9 +118,10 @@ impl Renderer {
     /// # Errors
     /// When settings do not go together, or the adapter cannot do them.
     pub fn plan(&self, settings: Settings, facts: SceneFacts) -> Result<Plan, Error> {
-        check(&self.kit.gpu, &settings)?;
+        let resolved = settings.resolved(&self.kit.gpu);
+        check(&self.kit.gpu, &resolved)?;
         let facts = self.passes.surfaces.facts().union(facts);
-        let missing = Missing::from(&self.passes, &settings.resolved(&self.kit.gpu), facts);
+        let missing = Missing::from(&self.passes, &resolved, facts);
         Ok(Plan::new(self.kit.clone(), settings, facts, self.generation, missing))
     }
 

@@ -7,6 +7,7 @@ use chiaro_techniques::indirect::IndirectSettings;
 use chiaro_techniques::post::CameraSettings;
 use chiaro_techniques::settings::{Field, SettingsGroup};
 use chiaro_techniques::shadow::ShadowSettings;
+use chiaro_techniques::surface::raster::ComputeRaster;
 use chiaro_techniques::surface::{Raster, SurfaceSettings};
 
 use crate::Error;
@@ -131,12 +132,20 @@ impl Settings {
     /// These settings with nothing left to the adapter.
     #[must_use]
     pub fn resolved(&self, gpu: &Gpu) -> Self {
-        let mut settings = self.clone();
-        for raster in [&mut settings.surface.raster, &mut settings.shadow.raster] {
+        self.resolved_for(gpu.rasters_slowly(), gpu.limits.max_storage_buffer_binding_size)
+    }
+
+    /// The same by how adapters differ in it.
+    fn resolved_for(&self, rasters_slowly: bool, binding_bytes: u64) -> Self {
+        let choose = |raster: &mut Raster, fits: bool| {
             if *raster == Raster::Auto {
-                *raster = if gpu.rasters_slowly() { Raster::Compute } else { Raster::Hardware };
+                *raster = if rasters_slowly && fits { Raster::Compute } else { Raster::Hardware };
             }
-        }
+        };
+        let mut settings = self.clone();
+        let shadow = &mut settings.shadow;
+        choose(&mut settings.surface.raster, true);
+        choose(&mut shadow.raster, ComputeRaster::views_in(binding_bytes, [shadow.resolution; 2]) > 0);
         settings
     }
 
@@ -231,6 +240,18 @@ mod tests {
             settings.set(&field.key, &field.default).unwrap();
         }
         assert_eq!(settings, Settings::default());
+    }
+
+    #[test]
+    fn left_to_the_adapter_maps_that_compute_has_no_room_for_are_rastered_by_the_hardware() {
+        let mut settings = Settings::default();
+        let choice = |settings: &Settings| settings.resolved_for(true, 128 << 20).shadow.raster;
+        settings.shadow.resolution = 4096;
+        assert_eq!(choice(&settings), Raster::Compute);
+        settings.shadow.resolution = 8192;
+        assert_eq!(choice(&settings), Raster::Hardware);
+        settings.shadow.raster = Raster::Compute;
+        assert_eq!(choice(&settings), Raster::Compute);
     }
 
     #[test]

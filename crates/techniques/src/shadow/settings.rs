@@ -300,7 +300,7 @@ settings! {
         darkens: Darkens = Darkens::Direct, "", (), Permutation;
         /// Light that reaches what lies in shadow, as a share: 0 is physical.
         floor: f32 = 0.0, "", 0.0..=1.0, Uniform;
-        /// All maps together take at most this much; beyond it the resolution is halved, and said.
+        /// All maps together, and what they are made with, take at most this much; beyond it the resolution is halved, and said.
         memory_budget: u32 = 1024, "MiB", 1..=65536, Resources;
         /// Whether maps whose light, camera and casters rest are kept from frame to frame. Off renders all of them every
         /// frame, as for lights that move.
