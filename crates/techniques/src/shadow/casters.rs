@@ -88,7 +88,8 @@ impl Casters {
     pub fn hold(&mut self, strayed: &[Bounds]) {
         for &bounds in strayed {
             // Nothing at all has a box of no size.
-            self.all = if self.rest.is_none() && self.grounds.is_empty() { bounds } else { union(self.all, bounds) };
+            self.all =
+                if self.rest.is_none() && self.grounds.is_empty() { bounds } else { union(self.all, bounds) };
             self.add(bounds);
         }
     }

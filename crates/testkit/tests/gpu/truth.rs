@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use chiaro::scene::{self, Environment, LightKind, Material, Scene};
-use chiaro::{FirstHit, Kit, Recorder, Reference, ReferenceOptions, View};
+use chiaro::{FirstHit, Integrator, Kit, Recorder, Reference, ReferenceOptions, View};
 use chiaro_image::Image;
 use chiaro_techniques::shaders;
 use chiaro_testkit::{
@@ -423,7 +423,7 @@ fn a_restart_leaves_nothing_of_the_image_before() {
     let gpu = device_guaranteed();
     let (kit, settings) = (Kit::new(&gpu, shaders::library()), direct(&[]));
     let loaded = kit.upload(&scene).unwrap();
-    let options = ReferenceOptions { seed: 5, ..ReferenceOptions::default() };
+    let options = ReferenceOptions { integrator: Integrator::Photon, seed: 5, ..ReferenceOptions::default() };
     let mut recorder = Recorder::new(&gpu, false);
     let mut refine = |reference: &mut Reference, work: u64, most: u32| {
         let mut frame = recorder.begin();

@@ -195,13 +195,15 @@ impl ComputeRaster {
         if size.into_iter().any(|side| side > Self::MAX_RESOLUTION) {
             return 0;
         }
-        let fit = (binding_bytes.min(DEPTH_BUDGET_BYTES) / 4).saturating_sub(HEADER) / u64::from(texels(size));
+        let fit =
+            (binding_bytes.min(DEPTH_BUDGET_BYTES) / 4).saturating_sub(HEADER) / u64::from(texels(size));
         (fit as usize).min(MAX_VIEWS)
     }
 
     /// Bytes at most that depth and lists of so many views of a size take beside their maps, on any adapter.
     pub fn bytes(size: [u32; 2], views: usize) -> u64 {
-        let all_texels = views.clamp(1, Self::views_in(u64::MAX, size).max(1)) as u64 * u64::from(texels(size));
+        let all_texels =
+            views.clamp(1, Self::views_in(u64::MAX, size).max(1)) as u64 * u64::from(texels(size));
         4 * (HEADER + all_texels) + TILE_BYTES * tiles(all_texels)
     }
 
