@@ -41,7 +41,7 @@ const MAX_CLUSTER_TRIANGLES: usize = 128;
 const CONE_WEIGHT: f32 = 0.25;
 
 /// Triangles up to which meshoptimizer's cutter, which takes most of a microsecond for each, cuts a primitive. Larger ones
-/// are halved down to clusters, three times as fast: these are as compact, with a little wider normal cones.
+/// are halved down to clusters, which is quicker.
 const PIECE: usize = 1 << 17;
 
 /// A primitive's clusters, by the numbers of its vertices.
