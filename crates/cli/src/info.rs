@@ -78,7 +78,10 @@ pub fn run(args: &ListArgs) -> anyhow::Result<()> {
             .feature_table()
             .map(|(name, purpose, has)| json!({ "name": name, "purpose": purpose, "used": has }))
             .collect();
-        return print_json(&json!({ "machine": machine, "features": features, "limits": limits(&gpu) }));
+        let (limits, pipelines) = (limits(&gpu), pipelines(&gpu));
+        return print_json(
+            &json!({ "machine": machine, "features": features, "limits": limits, "pipelines": pipelines }),
+        );
     }
     let mut text = format!(
         "adapter  {} ({})\ndriver   {}\nbackend  {}\n\noptional features\n",
@@ -91,8 +94,18 @@ pub fn run(args: &ListArgs) -> anyhow::Result<()> {
     for (name, value) in limits(&gpu) {
         let _ = writeln!(text, "  {name:<40} {value}");
     }
+    let _ = writeln!(text, "\ncompiled pipelines\n  {}", pipelines(&gpu));
     text += "\nCHIARO_ADAPTER=NAME picks another adapter by a part of its name.\n";
     print(&text)
+}
+
+/// Who keeps compiled pipelines, as far as can be known.
+fn pipelines(gpu: &Gpu) -> String {
+    format!(
+        "chiaro keeps none from run to run; the driver may, which it does not tell. A cache of one's own is {} by the \
+         adapter (PIPELINE_CACHE) and not used",
+        if gpu.offers_pipeline_cache { "offered" } else { "not offered" }
+    )
 }
 
 fn limits(gpu: &Gpu) -> std::collections::BTreeMap<&'static str, u64> {

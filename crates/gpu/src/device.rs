@@ -118,6 +118,9 @@ pub struct Gpu {
     pub optional: OptionalFeatures,
     /// Limits the device was made with.
     pub limits: wgpu::Limits,
+    /// Whether compiled pipelines could be kept in files of one's own, as far as the device or its adapter tells. No cache
+    /// is in use.
+    pub offers_pipeline_cache: bool,
     /// Objects made so far.
     pub created: Arc<Created>,
     samples: Arc<[u32]>,
@@ -208,7 +211,8 @@ impl Gpu {
             .await
             .map_err(|e| GpuError::NoDevice { adapter: info.name.clone(), reason: e.to_string() })?;
         let samples = sample_counts(&device, adapter);
-        Ok(Self { samples, ..Self::from_device(device, queue, info) })
+        let offers_pipeline_cache = adapter.features().contains(wgpu::Features::PIPELINE_CACHE);
+        Ok(Self { samples, offers_pipeline_cache, ..Self::from_device(device, queue, info) })
     }
 
     /// Uses a host program's device. Its uncaptured-error handler is replaced: ask [`Gpu::check`] instead. Samples per pixel
@@ -228,12 +232,14 @@ impl Gpu {
         });
         let optional = OptionalFeatures::from_flags(device.features());
         let limits = device.limits();
+        let offers_pipeline_cache = device.features().contains(wgpu::Features::PIPELINE_CACHE);
         Self {
             device,
             queue,
             info,
             optional,
             limits,
+            offers_pipeline_cache,
             created: Arc::default(),
             samples: GUARANTEED_SAMPLES.into(),
             problems,

@@ -62,7 +62,7 @@ impl LoadedScene {
         let peak = environment.as_ref().map_or(0.0, |map| map.peak);
         let white = (PEAK_STORED * brightest / peak.max(1e-30)).clamp(LEAST_WHITE_STORED, WHITE_STORED);
         let octave = (white / brightest).log2().round().clamp(-60.0, 60.0);
-        let casters = Casters::new(scene, &pose);
+        let casters = Casters::new(scene, &pose, &[]);
         let radiance_scale = octave.exp2();
         Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose }
     }
@@ -82,17 +82,23 @@ impl LoadedScene {
         &self.pose
     }
 
-    /// Moves everything to a pose of the scene that this was loaded from, usually [`Scene::pose`] at a time. The next
-    /// frame shows it, and knows where everything was before. A loaded scene starts with the pose at time 0. Where
+    /// Moves everything to a pose of the scene that this was loaded from: [`Scene::pose`] at a time, or one of your own
+    /// making, which may have any node, light or camera elsewhere. The next frame shows it, and knows where everything was
+    /// before. The sky that places see stays that of the scene at rest. A loaded scene starts with the pose at time 0. Where
     /// [`Scene::settle`] has chosen another origin, views must count from it too, as [`View::from_pose`] does.
     ///
     /// [`View::from_pose`]: crate::View::from_pose
     pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) {
-        if self.gpu.motion.origin() != scene.origin {
-            self.openness = Openness::new(scene);
-            self.casters = Casters::new(scene, &scene.pose(0.0));
-        }
+        let (origin, strayed) = (self.gpu.motion.origin(), self.gpu.motion.strayed_bounds_ws().len());
         self.gpu.set_pose(scene, pose);
+        let motion = &self.gpu.motion;
+        if origin != scene.origin {
+            self.openness = Openness::new(scene);
+        }
+        if origin != scene.origin || strayed != motion.strayed_bounds_ws().len() {
+            self.casters = Casters::new(scene, &scene.pose(0.0), &motion.strayed());
+        }
+        self.casters.hold(motion.strayed_bounds_ws());
         (self.lights, self.directional) = light_data(scene, pose);
         self.pose.clone_from(pose);
     }

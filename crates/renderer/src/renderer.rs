@@ -76,8 +76,8 @@ impl Renderer {
     }
 
     fn with(kit: Kit, settings: Settings, facts: SceneFacts) -> Result<Self, Error> {
-        check(&kit.gpu, &settings)?;
         let resolved = settings.resolved(&kit.gpu);
+        check(&kit.gpu, &resolved)?;
         let passes = Missing::of(None, &resolved, facts).compile(&kit)?;
         let Some(passes) = passes.into_passes() else { unreachable!("everything was missing") };
         kit.gpu.check()?;
@@ -108,9 +108,10 @@ impl Renderer {
     /// # Errors
     /// When settings do not go together, or the adapter cannot do them.
     pub fn plan(&self, settings: Settings, facts: SceneFacts) -> Result<Plan, Error> {
-        check(&self.kit.gpu, &settings)?;
+        let resolved = settings.resolved(&self.kit.gpu);
+        check(&self.kit.gpu, &resolved)?;
         let facts = self.facts.union(facts);
-        let missing = Missing::of(Some(&self.passes), &settings.resolved(&self.kit.gpu), facts);
+        let missing = Missing::of(Some(&self.passes), &resolved, facts);
         Ok(Plan::new(self.kit.clone(), settings, facts, self.generation, missing))
     }
 

@@ -10,6 +10,7 @@ use chiaro_techniques::indirect::IndirectSettings;
 use chiaro_techniques::post::CameraSettings;
 use chiaro_techniques::settings::{Clause, Condition, Effect, Field, SettingsGroup, Value};
 use chiaro_techniques::shadow::ShadowSettings;
+use chiaro_techniques::view::raster::ComputeRaster;
 use chiaro_techniques::view::{Raster, SurfaceSettings};
 
 use crate::Error;
@@ -199,12 +200,20 @@ impl Settings {
     /// The same with nothing left to the adapter.
     #[must_use]
     pub fn resolved(&self, gpu: &Gpu) -> Self {
-        let mut settings = self.effective();
-        for raster in [&mut settings.surface.raster, &mut settings.shadow.raster] {
+        self.resolved_for(gpu.rasters_slowly(), gpu.limits.max_storage_buffer_binding_size)
+    }
+
+    /// The same by how adapters differ in it.
+    fn resolved_for(&self, rasters_slowly: bool, binding_bytes: u64) -> Self {
+        let choose = |raster: &mut Raster, fits: bool| {
             if *raster == Raster::Auto {
-                *raster = if gpu.rasters_slowly() { Raster::Compute } else { Raster::Hardware };
+                *raster = if rasters_slowly && fits { Raster::Compute } else { Raster::Hardware };
             }
-        }
+        };
+        let mut settings = self.effective();
+        let shadow = &mut settings.shadow;
+        choose(&mut settings.surface.raster, true);
+        choose(&mut shadow.raster, ComputeRaster::views_in(binding_bytes, [shadow.resolution; 2]) > 0);
         settings
     }
 

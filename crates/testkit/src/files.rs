@@ -17,10 +17,20 @@ pub fn assets() -> Option<PathBuf> {
     if folder.join("references").is_dir() {
         return Some(folder);
     }
-    // Not `eprintln`, which the test harness would swallow.
-    let message = "NOT TESTED: the shared references are absent; set CHIARO_ASSETS to the folder that holds `references`";
-    let _ = writeln!(std::io::stderr(), "{message}");
+    skipped("the shared references are absent; set CHIARO_ASSETS to the folder that holds `references`");
     None
+}
+
+/// Says on standard error that the running test is skipped, and in the file that `CHIARO_SKIPPED` names, if it does.
+fn skipped(reason: &str) {
+    let thread = std::thread::current();
+    let line = format!("SKIPPED: {}: {reason}\n", thread.name().unwrap_or("a test"));
+    // Not `eprintln`, which the test harness would swallow.
+    let _ = std::io::stderr().write_all(line.as_bytes());
+    if let Some(path) = std::env::var_os("CHIARO_SKIPPED") {
+        let file = std::fs::OpenOptions::new().create(true).append(true).open(path);
+        let _ = file.and_then(|mut file| file.write_all(line.as_bytes()));
+    }
 }
 
 /// A path-traced reference, such as `cornell_spot.direct`.

@@ -73,6 +73,13 @@ struct Following {
     refit: Refit,
 }
 
+impl Following {
+    fn new(kit: &Kit) -> Result<Self, Error> {
+        let (motion, refit) = (Motion::compile(kit, &())?, Refit::new(&kit.gpu, &kit.library)?);
+        Ok(Self { motion, refit })
+    }
+}
+
 impl Reference {
     /// Builds the scene's trees for the pose that `loaded`, which is `scene` uploaded by the same kit, has now, and compiles
     /// the tracers.
@@ -109,12 +116,10 @@ impl Reference {
         let specular_ws = specular.bounds_ws(scene, pose);
         let facts = (facts, traced.facts, Interfaces::of(scene, &specular));
         // What bends but does not move is bent once, by the same pass as in pictures.
-        let moves = scene.duration_s().is_some() || scene.nodes.iter().any(|node| scene.deforms(node));
-        let following = moves.then(|| -> Result<_, Error> {
-            let (motion, refit) = (Motion::compile(kit, &())?, Refit::new(gpu, &kit.library)?);
-            Ok(Following { motion, refit })
-        });
-        let following = following.transpose()?;
+        let moves = scene.duration_s().is_some()
+            || scene.nodes.iter().any(|node| scene.deforms(node))
+            || *pose != scene.pose(0.0);
+        let following = moves.then(|| Following::new(kit)).transpose()?;
         let needed = match options.integrator {
             Integrator::Path => false,
             Integrator::Photon => true,
@@ -193,6 +198,9 @@ impl Reference {
         settings: &Settings,
         image: (&View, [u32; 2]),
     ) -> Result<(), Error> {
+        if self.following.is_none() {
+            self.following = Some(Following::new(&self.kit)?);
+        }
         let gpu = &self.kit.gpu;
         if !self.traced.update(gpu, scene, &loaded.pose) {
             self.traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
@@ -359,12 +367,23 @@ impl Reference {
     /// # Errors
     /// When the image is larger than the device can read back.
     pub fn sum(&self) -> Result<Readback, Error> {
-        Ok(Readback::start(&self.kit.gpu, self.sum.sum())?)
+        let empty = self.empty();
+        Ok(Readback::start(&self.kit.gpu, empty.as_ref().map_or(&self.sum, |(sum, _)| sum).sum())?)
     }
 
-    /// Everything that samples are added to, by names that stay: Rgba32Float, summed over samples.
+    /// Sums without samples, where those in use still hold the image before [`Reference::restart`].
+    fn empty(&self) -> Option<(PathSum, Vec<FirstHitSum>)> {
+        let (gpu, size_px) = (&self.kit.gpu, self.sum.size_px());
+        (self.samples() == 0).then(|| {
+            let observed = self.observed.iter().map(|sum| FirstHitSum::new(gpu, size_px, sum.what));
+            (PathSum::new(gpu, size_px, self.photons.is_some()), observed.collect())
+        })
+    }
+
+    /// Everything that samples are added to, by names that stay: Rgba32Float, summed over samples. As all textures of sums,
+    /// they hold nothing of the image while [`Reference::samples`] is 0.
     pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture)> {
-        self.sum.layers().chain(self.observed.iter().map(|sum| (sum.what.layer(), sum.texture())))
+        layers(&self.sum, &self.observed)
     }
 
     /// A read-back of each of [`Reference::layers`]: all that [`Reference::restore`] needs.
@@ -372,7 +391,10 @@ impl Reference {
     /// # Errors
     /// As [`Reference::sum`].
     pub fn read_layers(&self) -> Result<Vec<(&'static str, Readback)>, Error> {
-        self.layers().map(|(name, texture)| Ok((name, Readback::start(&self.kit.gpu, texture)?))).collect()
+        let empty = self.empty();
+        let (sum, observed) = empty.as_ref().map_or((&self.sum, &self.observed), |(sum, of)| (sum, of));
+        let read = |(name, texture)| Ok((name, Readback::start(&self.kit.gpu, texture)?));
+        layers(sum, observed).map(read).collect()
     }
 
     /// Goes on from where a reference of the same scene, settings, view, size and options stood after so many samples:
@@ -404,6 +426,13 @@ impl Reference {
         self.sum.resume(samples);
         Ok(())
     }
+}
+
+fn layers<'a>(
+    sum: &'a PathSum,
+    observed: &'a [FirstHitSum],
+) -> impl Iterator<Item = (&'static str, &'a Texture)> {
+    sum.layers().chain(observed.iter().map(|sum| (sum.what.layer(), sum.texture())))
 }
 
 /// Fills an Rgba32Float texture, whose usage holds `COPY_DST`.

@@ -108,3 +108,15 @@ fn presets_are_valid_and_files_take_keys_as_set_does() {
     let wrong = settings.apply_preset("file", Some("{ \"shadow.resolution\": ")).unwrap_err().to_string();
     assert!(wrong.contains("line 1"), "{wrong}");
 }
+
+#[test]
+fn left_to_the_adapter_maps_that_compute_has_no_room_for_are_rastered_by_the_hardware() {
+    let mut settings = Settings::default();
+    let choice = |settings: &Settings| settings.resolved_for(true, 128 << 20).shadow.raster;
+    settings.shadow.resolution = 4096;
+    assert_eq!(choice(&settings), Raster::Compute);
+    settings.shadow.resolution = 8192;
+    assert_eq!(choice(&settings), Raster::Hardware);
+    settings.shadow.raster = Raster::Compute;
+    assert_eq!(choice(&settings), Raster::Compute);
+}

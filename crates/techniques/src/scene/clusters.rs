@@ -2,7 +2,7 @@
 //!
 //! Every primitive is cut into clusters of at most 128 triangles over at most 128 vertices (meshoptimizer), whose
 //! vertices are stored together, so that a draw list entry is an item and a byte. Cutting is most of the time that a
-//! large scene takes to upload: all primitives are cut at once, and large ones in pieces.
+//! large scene takes to upload: all primitives are cut at once, and large ones more simply.
 
 use std::ops::Range;
 
@@ -40,7 +40,8 @@ const MAX_CLUSTER_TRIANGLES: usize = 128;
 /// meshoptimizer's trade between round clusters (0) and clusters whose normals agree (1).
 const CONE_WEIGHT: f32 = 0.25;
 
-/// Triangles up to which a primitive is cut as a whole. The cutter's time grows faster than they do.
+/// Triangles up to which meshoptimizer's cutter, which takes most of a microsecond for each, cuts a primitive. Larger ones
+/// are halved down to clusters, which is quicker.
 const PIECE: usize = 1 << 17;
 
 /// A primitive's clusters, by the numbers of its vertices.
@@ -58,63 +59,64 @@ impl Meshlets {
     /// Cuts a primitive.
     pub fn new(primitive: &cs::Primitive) -> Self {
         if primitive.indices.len() <= 3 * PIECE {
-            return Self(meshlets(&primitive.positions, &primitive.indices));
+            return Self(meshlets(&primitive.positions, |adapter| {
+                let (vertices, triangles) = (MAX_CLUSTER_VERTICES, MAX_CLUSTER_TRIANGLES);
+                meshopt::build_meshlets(&primitive.indices, adapter, vertices, triangles, CONE_WEIGHT)
+            }));
         }
-        let pieces = pieces(primitive, (0..primitive.indices.len() as u32 / 3).collect());
-        let cut = |triangles: Vec<u32>| {
-            // The cutter keeps lists of all vertices that it is given.
-            let corners = triangles.iter().flat_map(|&t| &primitive.indices[3 * t as usize..][..3]);
+        let corners = |t: u32| &primitive.indices[3 * t as usize..][..3];
+        let middle = |t: u32| corners(t).iter().map(|&v| primitive.positions[v as usize] / 3.0).sum::<Vec3>();
+        let triangles = 0..primitive.indices.len() as u32 / 3;
+        let mut triangles: Vec<_> = triangles.into_par_iter().map(|t| (middle(t), t)).collect();
+        gather(&mut triangles);
+        let cut = |triangles: &[(Vec3, u32)]| {
+            let corners = triangles.iter().flat_map(|&(_, t)| corners(t));
             let mut vertices: Vec<u32> = corners.clone().copied().collect();
             vertices.sort_unstable();
             vertices.dedup();
             let place = |vertex: &u32| vertices.partition_point(|v| v < vertex) as u32;
             let indices: Vec<_> = corners.map(place).collect();
             let positions: Vec<_> = vertices.iter().map(|&v| primitive.positions[v as usize]).collect();
-            let mut meshlets = meshlets(&positions, &indices);
+            // In their order: as a rule one cluster.
+            let mut meshlets = meshlets(&positions, |_| {
+                let (vertices, triangles) = (MAX_CLUSTER_VERTICES, MAX_CLUSTER_TRIANGLES);
+                meshopt::build_meshlets_scan(&indices, positions.len(), vertices, triangles)
+            });
             for vertex in meshlets.iter_mut().flat_map(|meshlet| &mut meshlet.vertices) {
                 *vertex = vertices[*vertex as usize];
             }
             meshlets
         };
-        Self(pieces.into_par_iter().flat_map_iter(cut).collect())
+        Self(triangles.par_chunks(MAX_CLUSTER_TRIANGLES).flat_map_iter(cut).collect())
     }
 }
 
-/// Halves triangles by their middles, along the longest side of the box around these, until they are few enough. Each
-/// piece keeps the file's order.
-fn pieces(primitive: &cs::Primitive, triangles: Vec<u32>) -> Vec<Vec<u32>> {
-    if triangles.len() <= PIECE {
-        return vec![triangles];
+/// Orders triangles, given by their middles, so that every [`MAX_CLUSTER_TRIANGLES`] of them lie together: halves them
+/// along the longest side of the box around them until they are so few. These keep the file's order.
+fn gather(triangles: &mut [(Vec3, u32)]) {
+    if triangles.len() <= MAX_CLUSTER_TRIANGLES {
+        triangles.sort_unstable_by_key(|&(_, t)| t);
+        return;
     }
-    let middle = |t: u32| -> Vec3 {
-        let corners = &primitive.indices[3 * t as usize..][..3];
-        corners.iter().map(|&vertex| primitive.positions[vertex as usize] / 3.0).sum()
-    };
-    let (lo, hi) = triangles.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), &t| {
-        let middle = middle(t);
-        (lo.min(middle), hi.max(middle))
-    });
+    let corners = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let (lo, hi) = triangles.iter().fold(corners, |(lo, hi), &(middle, _)| (lo.min(middle), hi.max(middle)));
     let axis = (hi - lo).max_position();
-    let mut keys: Vec<_> = triangles.iter().map(|&t| (middle(t)[axis], t)).collect();
-    let order = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-    let half = keys.len() / 2;
-    let pivot = *keys.select_nth_unstable_by(half, order).1;
-    let (low, high): (Vec<_>, Vec<_>) =
-        triangles.into_iter().partition(|&t| order(&(middle(t)[axis], t), &pivot).is_lt());
-    let (mut low, high) = rayon::join(|| pieces(primitive, low), || pieces(primitive, high));
-    low.extend(high);
-    low
+    let half = (triangles.len() / 2).next_multiple_of(MAX_CLUSTER_TRIANGLES);
+    triangles.select_nth_unstable_by(half, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    let (low, high) = triangles.split_at_mut(half);
+    rayon::join(|| gather(low), || gather(high));
 }
 
-/// What meshoptimizer makes of triangles.
-fn meshlets(positions: &[Vec3], indices: &[u32]) -> Vec<Meshlet> {
+/// What meshoptimizer makes of triangles, with bounds.
+fn meshlets(
+    positions: &[Vec3],
+    build: impl FnOnce(&meshopt::VertexDataAdapter<'_>) -> meshopt::Meshlets,
+) -> Vec<Meshlet> {
     // The stride divides the bytes and the offset is inside it, so this cannot fail.
     let Ok(adapter) = meshopt::VertexDataAdapter::new(bytemuck::cast_slice(positions), size_of::<Vec3>(), 0)
     else {
         return Vec::new();
     };
-    let meshlets =
-        meshopt::build_meshlets(indices, &adapter, MAX_CLUSTER_VERTICES, MAX_CLUSTER_TRIANGLES, CONE_WEIGHT);
     let meshlet = |meshlet: meshopt::Meshlet<'_>| {
         let bounds = meshopt::compute_meshlet_bounds(meshlet, &adapter);
         Meshlet {
@@ -124,7 +126,7 @@ fn meshlets(positions: &[Vec3], indices: &[u32]) -> Vec<Meshlet> {
             cone: [bounds.cone_axis[0], bounds.cone_axis[1], bounds.cone_axis[2], bounds.cone_cutoff],
         }
     };
-    meshlets.iter().map(meshlet).collect()
+    build(&adapter).iter().map(meshlet).collect()
 }
 
 /// Clusters and the words that hold their vertices and triangles.

@@ -214,11 +214,7 @@ impl Cut {
                 instances.push(bending_instance_data(world));
                 clusters
             } else {
-                if moving[node] {
-                    motion.add_rigid(instance, node);
-                } else {
-                    motion.add_fixed(instance, node);
-                }
+                motion.add_rigid(instance, node, moving[node]);
                 instances.push(instance_data(world));
                 let add = || heap.add_mesh(&scene.meshes[mesh], &cuts[mesh], &scene.materials);
                 clusters_of_mesh[mesh].get_or_insert_with(add).clone()

@@ -51,9 +51,11 @@ pub(super) struct Shadowed {
 }
 
 impl Casters {
-    /// Looks at a scene at rest, and at what moves in it at any time.
-    pub fn new(scene: &cs::Scene, pose: &cs::Pose) -> Self {
-        let moving = scene.moving_nodes();
+    /// Looks at a scene at rest, and at what moves in it at any time. Nodes that have `strayed` are left to
+    /// [`Casters::hold`].
+    pub fn new(scene: &cs::Scene, pose: &cs::Pose, strayed: &[cs::Id]) -> Self {
+        let mut moving = scene.moving_nodes();
+        strayed.iter().for_each(|&node| moving[node] = true);
         let mut casters = Self { rest: bounds_over_time(scene), ..Self::default() };
         let mut flat = Vec::new();
         for (index, node) in scene.nodes.iter().enumerate() {
@@ -80,6 +82,16 @@ impl Casters {
         let grounds = casters.grounds.iter().map(|ground| ground.bounds);
         casters.all = grounds.chain(casters.rest).reduce(union).unwrap_or_default();
         casters
+    }
+
+    /// Takes the boxes around what somebody has moved, wherever it has been.
+    pub fn hold(&mut self, strayed: &[Bounds]) {
+        for &bounds in strayed {
+            // Nothing at all has a box of no size.
+            self.all =
+                if self.rest.is_none() && self.grounds.is_empty() { bounds } else { union(self.all, bounds) };
+            self.add(bounds);
+        }
     }
 
     fn add(&mut self, bounds: Bounds) {

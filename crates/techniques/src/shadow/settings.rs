@@ -306,7 +306,7 @@ settings! {
         darkens: Darkens = Darkens::Direct, "", (), Permutation, only "shadow.layout!=none";
         /// Light that reaches what lies in shadow, as a share: 0 is physical.
         floor: f32 = 0.0, "", 0.0..=1.0, Uniform, only "shadow.representation!=depth or shadow.darkens!=thesis";
-        /// All maps together take at most this much; beyond it the resolution is halved, and said.
+        /// All maps together, and what they are made with, take at most this much; beyond it the resolution is halved, and said.
         memory_budget: u32 = 1024, "MiB", 1..=65536, Resources, only "shadow.layout!=none";
         /// Whether maps whose light, camera and casters rest are kept from frame to frame. Off renders all of them every
         /// frame, as for lights that move.

@@ -5,6 +5,7 @@ use glam::{Mat4, Vec2, Vec3};
 use super::project::{corners, reversed_perspective};
 use super::*;
 use crate::frame::LightData;
+use crate::view::Raster;
 
 fn light(kind: u32, direction: Vec3) -> LightData {
     LightData {
@@ -122,6 +123,23 @@ fn too_many_maps_are_made_smaller_and_said() {
     let ShadowViews { views, notes, .. } = fitted(&mut lights, BOUNDS, camera(), &settings);
     assert_eq!(views[39].resolution, 1024);
     assert_eq!(notes.len(), 1);
+}
+
+#[test]
+fn tints_and_the_rasterisers_lists_count_towards_the_budget() {
+    let side = |settings: ShadowSettings| {
+        let mut lights = [light(LightData::SPOT, Vec3::NEG_Y); 4];
+        fitted(&mut lights, BOUNDS, camera(), &settings).views[0].resolution
+    };
+    // 64 MiB of depth alone.
+    let plain = ShadowSettings { memory_budget: 64, ..ShadowSettings::default() };
+    assert_eq!(side(plain.clone()), 2048);
+    assert_eq!(side(ShadowSettings { transmission_tint: true, ..plain.clone() }), 1024);
+    // As much again in bits, and 80 MiB of tiles.
+    let computed = ShadowSettings { raster: Raster::Compute, ..plain };
+    assert_eq!(side(computed.clone()), 1024);
+    assert_eq!(side(ShadowSettings { memory_budget: 208, ..computed.clone() }), 1024);
+    assert_eq!(side(ShadowSettings { memory_budget: 209, ..computed }), 2048);
 }
 
 /// A camera at `eye` that looks along −Z turned by `yaw` about the vertical.
@@ -338,7 +356,7 @@ fn grounds(quads: &[(Vec3, f32)]) -> chiaro_scene::Scene {
 /// The finest texel of a sun's cascades, metres, for a camera 5 m above the ground.
 fn finest(quads: &[(Vec3, f32)], yaw: f32) -> f32 {
     let scene = grounds(quads);
-    let (bounds_ws, casters) = (scene.bounds().unwrap(), Casters::new(&scene, &scene.rest()));
+    let (bounds_ws, casters) = (scene.bounds().unwrap(), Casters::new(&scene, &scene.rest(), &[]));
     let settings = ShadowSettings::default();
     let camera = turned(Vec3::new(3.0, 5.0, 4.0), yaw);
     let inputs = FitInputs {

@@ -29,6 +29,9 @@ pub struct TintMaps {
 }
 
 impl TintMaps {
+    /// Bytes of a texel of both.
+    pub(super) const TEXEL_BYTES: u64 = 4 + 4;
+
     pub(super) fn new(gpu: &Gpu, side: u32, layers: u32) -> Self {
         let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT;
         let make = |name, format| {

@@ -5,9 +5,11 @@ use glam::{Mat4, Vec2, Vec3, Vec4};
 use super::casters::Shadowed;
 use super::moments::Moments;
 use super::project::{corners, light_axes, reversed_perspective};
+use super::tint::TintMaps;
 use super::{Casters, Filter, Layout, PointLayout, ShadowSettings, cascades, single};
 use crate::frame::{LightData, MAX_SHADOW_VIEWS, ShadowViewData};
 use crate::view::Hole;
+use crate::view::raster::ComputeRaster;
 
 /// A perspective map covers at most this angle from side to side; wider cones take a point light's layout.
 const MAX_SPOT_ANGLE_RAD: f32 = 160.0 * std::f32::consts::PI / 180.0;
@@ -135,7 +137,11 @@ fn views_of(light: &LightData, settings: &ShadowSettings) -> usize {
 fn within_budget(settings: &ShadowSettings, views: usize, notes: &mut Vec<String>) -> u32 {
     let budget = u64::from(settings.memory_budget) << 20;
     let bytes = |side: u32| {
-        4 * u64::from(side) * u64::from(side) * views as u64 + Moments::bytes(settings, side, views as u32)
+        let texel = 4 + if settings.transmission_tint { TintMaps::TEXEL_BYTES } else { 0 };
+        let rastered = if settings.computes_maps() { ComputeRaster::bytes([side; 2], views) } else { 0 };
+        texel * u64::from(side).pow(2) * views as u64
+            + Moments::bytes(settings, side, views as u32)
+            + rastered
     };
     let mut side = settings.resolution;
     while bytes(side) > budget && side > 16 {

@@ -96,3 +96,35 @@ fn a_lamp_that_grows_lights_as_its_form_factor_says() {
         assert!((found / expected - 1.0).abs() < 0.01, "{x} {y}: {found} is not {expected}");
     }
 }
+
+#[test]
+fn what_is_moved_by_hand_is_traced_where_it_is() {
+    let gpu = device_guaranteed();
+    let (kit, settings) = (Kit::new(&gpu, shaders::library()), &direct(&[]));
+    let (scene, [_, pose]) = crate::motion::moved_by_hand();
+    let image = (&crate::motion::view(), SIZE);
+    let options = ReferenceOptions { max_depth: 2, seed: 1, ..ReferenceOptions::default() };
+    let mut recorder = Recorder::new(&gpu, false);
+    let mut take = |reference: &mut Reference, loaded: &chiaro::LoadedScene| {
+        let mut frame = recorder.begin();
+        reference.add(&mut frame, loaded, 4);
+        frame.submit();
+        let sum = reference.sum().unwrap().wait(&gpu).unwrap().floats();
+        sum.as_chunks::<4>().0.iter().map(|texel| texel[1] / 4.0).collect::<Vec<_>>()
+    };
+    let standing = crate::motion::standing(&scene, &pose);
+    let loaded = LoadedScene::upload(&kit, &standing).unwrap();
+    let mut reference = Reference::new(&kit, (&standing, &loaded), settings, image, options).unwrap();
+    let expected = take(&mut reference, &loaded);
+    let mut loaded = LoadedScene::upload(&kit, &scene).unwrap();
+    let mut reference = Reference::new(&kit, (&scene, &loaded), settings, image, options).unwrap();
+    let at_rest = take(&mut reference, &loaded);
+    loaded.set_pose(&scene, &pose);
+    reference.follow((&scene, &loaded), settings, image).unwrap();
+    let followed = take(&mut reference, &loaded);
+    let mut reference = Reference::new(&kit, (&scene, &loaded), settings, image, options).unwrap();
+    let built = take(&mut reference, &loaded);
+    assert!(off(&followed, &expected) < 1e-4, "followed: {}", off(&followed, &expected));
+    assert!(off(&built, &expected) < 1e-4, "built: {}", off(&built, &expected));
+    assert!(off(&at_rest, &expected) > 0.05, "nothing moved");
+}

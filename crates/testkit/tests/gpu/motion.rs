@@ -312,3 +312,56 @@ fn a_mirrored_bending_mesh_shows_its_outside() {
     let twin = studio.load(&right);
     assert!(share_off(&found, &studio.aov(&twin, &view(), SIZE, 1, Aov::Depth), 0.01) < 0.002);
 }
+
+/// A scene as it stands in a pose, with nothing that moves.
+pub fn standing(scene: &Scene, pose: &chiaro::scene::Pose) -> Scene {
+    let mut standing = scene.clone();
+    for (node, at) in standing.nodes.iter_mut().zip(&pose.world_from_node) {
+        (node.parent, node.parent_from_node) = (None, Transform::Matrix(*at));
+    }
+    standing
+}
+
+/// A board over a floor under a sun, with nothing that moves, and what somebody makes of it step by step: the board
+/// elsewhere, then the sun turned.
+pub fn moved_by_hand() -> (Scene, [chiaro::scene::Pose; 2]) {
+    let mut stage = surroundings();
+    let sun = stage.scene.nodes.len() - 1;
+    let material = stage.lambert(0.8);
+    stage.quad(Vec3::new(0.0, 1.0, 0.0), Vec3::X * 0.6, Vec3::NEG_Z * 0.6, material);
+    let board = stage.scene.nodes.len() - 1;
+    let mut first = stage.scene.pose(0.0);
+    first.world_from_node[board] = Affine3A::from_translation(Vec3::new(1.2, 0.4, 0.5));
+    let mut second = first.clone();
+    second.world_from_node[sun] = Affine3A::from_quat(Quat::from_rotation_x(-1.2));
+    (stage.scene, [first, second])
+}
+
+#[test]
+fn a_pose_made_by_hand_moves_what_no_animation_does() {
+    let gpu = device();
+    let mut studio = Studio::new(&gpu, direct(&[]));
+    let (scene, poses) = moved_by_hand();
+    let mut loaded = studio.load(&scene);
+    // Maps of what rests are kept.
+    let at_rest = studio.radiance(&loaded, &view(), SIZE, 1);
+    let mut found = Vec::new();
+    for pose in [&poses[0], &poses[1]] {
+        loaded.set_pose(&scene, pose);
+        found.push(studio.radiance(&loaded, &view(), SIZE, 1));
+    }
+    // Several poses between two frames.
+    let rest = scene.pose(0.0);
+    for pose in [&rest, &poses[0], &poses[1], &poses[1]] {
+        loaded.set_pose(&scene, pose);
+    }
+    found.push(studio.radiance(&loaded, &view(), SIZE, 1));
+    loaded.set_pose(&scene, &rest);
+    found.push(studio.radiance(&loaded, &view(), SIZE, 1));
+    for (found, pose) in found.iter().zip([&poses[0], &poses[1], &poses[1], &rest]) {
+        let standing = studio.load(&standing(&scene, pose));
+        let expected = studio.radiance(&standing, &view(), SIZE, 1);
+        assert!(nmae(found, &expected) < 0.003, "{}", nmae(found, &expected));
+    }
+    assert!(nmae(&found[0], &at_rest) > 0.02, "nothing moved");
+}

@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use chiaro::scene::{self, Environment, LightKind, Material, Scene};
-use chiaro::{Kit, LoadedScene, Recorder, Reference, ReferenceOptions, View};
+use chiaro::{FirstHit, Integrator, Kit, LoadedScene, Recorder, Reference, ReferenceOptions, View};
 use chiaro_image::Image;
 use chiaro_techniques::shaders;
 use chiaro_testkit::{
@@ -412,6 +412,53 @@ fn rows_traced_one_band_at_a_time_and_a_restart_change_no_bit() {
     let pixels = reference.sum().unwrap().wait(&gpu).unwrap();
     let means = pixels.floats().chunks_exact(4).map(|p| [0, 1, 2].map(|i| p[i] / 6.0)).collect::<Vec<_>>();
     assert!(means == once.pixels(), "the image is another");
+}
+
+#[test]
+fn a_restart_leaves_nothing_of_the_image_before() {
+    let mut scene = scene::load("builtin:ring").unwrap();
+    scene.add_default_view();
+    let view = View::from_scene(&scene, 0).unwrap();
+    let elsewhere = View::look_at(Vec3::new(0.3, 1.2, 2.0), Vec3::Y, 0.9, 0.01);
+    let gpu = device_guaranteed();
+    let (kit, settings) = (Kit::new(&gpu, shaders::library()), direct(&[]));
+    let loaded = LoadedScene::upload(&kit, &scene).unwrap();
+    let options = ReferenceOptions { integrator: Integrator::Photon, seed: 5, ..ReferenceOptions::default() };
+    let mut recorder = Recorder::new(&gpu, false);
+    let mut refine = |reference: &mut Reference, work: u64, most: u32| {
+        let mut frame = recorder.begin();
+        reference.refine(&mut frame, &loaded, work, most);
+        frame.submit();
+    };
+    let begin = |view, size| {
+        let mut reference =
+            Reference::new(&kit, (&scene, &loaded), &settings, (view, size), options).unwrap();
+        reference.observe(loaded.gpu.facts, &[FirstHit::Depth]).unwrap();
+        reference
+    };
+    let read = |reference: &Reference| -> Vec<Vec<f32>> {
+        let layers = reference.read_layers().unwrap();
+        layers.into_iter().map(|(_, layer)| layer.wait(&gpu).unwrap().floats()).collect()
+    };
+    let dark = settings.clone();
+    let mut bright = settings.clone();
+    bright.set("environment.intensity", "3").unwrap();
+    // The same size, and another.
+    for before in [[24, 16], [16, 24]] {
+        let mut reference = begin(&elsewhere, before);
+        reference.restart(&loaded, &bright, (&elsewhere, before)).unwrap();
+        refine(&mut reference, u64::MAX, 1);
+        // And the next sample under way, in the middle of its light paths.
+        refine(&mut reference, 1, 2);
+        reference.restart(&loaded, &dark, (&view, [24, 16])).unwrap();
+        assert!(read(&reference).iter().flatten().all(|sum| *sum == 0.0), "something is left");
+        refine(&mut reference, u64::MAX, 1);
+        let mut fresh = begin(&view, [24, 16]);
+        refine(&mut fresh, u64::MAX, 1);
+        assert_eq!((reference.samples(), reference.light_paths()), (fresh.samples(), fresh.light_paths()));
+        assert!(fresh.light_paths() > 0);
+        assert!(read(&reference) == read(&fresh), "another image");
+    }
 }
 
 fn assert_matches(name: &str, options: ReferenceOptions, samples: usize, most: f64) {

@@ -17,11 +17,20 @@ fn shared() -> Option<PathBuf> {
     if folder.join("assets").is_dir() {
         return Some(folder);
     }
-    // Not `eprintln`, which the test harness would swallow.
-    let message =
-        "NOT TESTED: the shared assets are absent; set CHIARO_ASSETS to the folder that holds `assets`";
-    let _ = writeln!(std::io::stderr(), "{message}");
+    skipped("the shared assets are absent; set CHIARO_ASSETS to the folder that holds `assets`");
     None
+}
+
+/// As in `chiaro-testkit`: on standard error, and in the file that `CHIARO_SKIPPED` names, for the end of `./x test`.
+fn skipped(reason: &str) {
+    let thread = std::thread::current();
+    let line = format!("SKIPPED: {}: {reason}\n", thread.name().unwrap_or("a test"));
+    // Not `eprintln`, which the test harness would swallow.
+    let _ = std::io::stderr().write_all(line.as_bytes());
+    if let Some(path) = std::env::var_os("CHIARO_SKIPPED") {
+        let file = std::fs::OpenOptions::new().create(true).append(true).open(path);
+        let _ = file.and_then(|mut file| file.write_all(line.as_bytes()));
+    }
 }
 
 /// Every scene file below `folder`.

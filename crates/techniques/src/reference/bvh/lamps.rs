@@ -20,7 +20,6 @@ pub(super) struct Lamps {
 impl Lamps {
     /// In the pose that the tables are made for.
     pub fn new(scene: &cs::Scene, pose: &cs::Pose) -> Self {
-        let moving = scene.moving_nodes();
         let mut lamps = Self { carried: Vec::new(), bent: false };
         for (node, drawn) in scene.nodes.iter().enumerate() {
             let Some(mesh) = drawn.mesh else { continue };
@@ -30,7 +29,7 @@ impl Lamps {
             }
             if scene.deforms(drawn) {
                 lamps.bent = true;
-            } else if moving[node] {
+            } else {
                 lamps.carried.push((node, lengths(pose, node)));
             }
         }

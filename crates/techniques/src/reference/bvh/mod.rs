@@ -46,7 +46,7 @@ mod upper;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, Gpu, GpuError};
 use chiaro_scene as cs;
-use glam::DVec3;
+use glam::{Affine3A, DVec3};
 use obvhs::aabb::Aabb;
 
 pub(crate) use gather::TriangleRef;
@@ -57,7 +57,7 @@ pub use refit::{Refit, WORN};
 use tree::{LEAF, LOWER_DEPTH};
 use upper::{Place, Placed};
 
-use crate::scene::motion::{Mover, bounds_over_time};
+use crate::scene::motion::{Mover, bounds_over_time, same_place};
 use crate::scene::{Cut, Drawn};
 
 /// A word of `tracer`.
@@ -111,6 +111,8 @@ struct Parts {
     header: [Word; HEADER],
     lamps: Lamps,
     origin: DVec3,
+    /// Nodes whose triangles lie in the one tree of all that stands still, and where they were then.
+    still: Vec<(cs::Id, Affine3A)>,
 }
 
 /// [`TraceData`] on the GPU.
@@ -141,13 +143,14 @@ impl TraceData {
         let reach =
             bounds_over_time(scene).map_or(0.0, |(lo, hi)| farthest(&Aabb::new(lo.into(), hi.into())));
         let mut masks = false;
-        let mut still = Vec::new();
+        let (mut still, mut lying) = (Vec::new(), Vec::new());
         let mut placed = Vec::new();
         let mut plan = Plan::default();
         let mut known = vec![None; scene.meshes.len()];
         for (drawn, place) in cut.drawn.iter().zip(places) {
             let (root, bounds) = match &place {
                 None => {
+                    lying.push((drawn.node, pose.world_from_node[drawn.node]));
                     still.extend(placed_triangles(scene, &cut, drawn));
                     continue;
                 }
@@ -178,7 +181,8 @@ impl TraceData {
         words[upper..upper + upper_words.len()].copy_from_slice(&upper_words);
         words[0][0] = root;
         let header = std::array::from_fn(|i| words[i]);
-        let parts = Parts { placed, upper, header, lamps: Lamps::new(scene, pose), origin: scene.origin };
+        let lamps = Lamps::new(scene, pose);
+        let parts = Parts { placed, upper, header, lamps, origin: scene.origin, still: lying };
         Self { words, facts: TraceFacts { levels, masks }, parts, plan }
     }
 
@@ -221,12 +225,13 @@ impl TraceScene {
     }
 
     /// Takes a new pose of the scene that this was built from, for the commands submitted next; what bends follows with
-    /// [`Refit::record`]. `false` when only building anew will do: the scene's origin is another, or a glowing triangle has
-    /// stopped or begun to be finite.
+    /// [`Refit::record`]. `false` when only building anew will do: the scene's origin is another, a glowing triangle has
+    /// stopped or begun to be finite, or what no animation moves is elsewhere.
     #[must_use]
     pub fn update(&mut self, gpu: &Gpu, scene: &cs::Scene, pose: &cs::Pose) -> bool {
         let parts = &mut self.parts;
-        if parts.origin != scene.origin {
+        let strayed = |(node, at): &(cs::Id, Affine3A)| !same_place(at, &pose.world_from_node[*node]);
+        if parts.origin != scene.origin || parts.still.iter().any(strayed) {
             return false;
         }
         let write = |first: usize, words: &[Word]| {

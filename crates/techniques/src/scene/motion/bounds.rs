@@ -42,20 +42,28 @@ impl Mover {
         Self { node, parts, reach }
     }
 
+    /// Which node.
+    pub fn node(&self) -> cs::Id {
+        self.node
+    }
+
     /// Corners of a box around it in a pose. A vertex lies among the places that its joints would put it, so within
     /// the box around all of those.
     pub fn bounds_ws(&self, scene: &cs::Scene, pose: &cs::Pose) -> (Vec3, Vec3) {
         let joints = scene.joint_matrices(pose, self.node);
         let own = [pose.world_from_node[self.node]];
-        let matrices = if joints.is_empty() { &own[..] } else { &joints };
-        let weights = &pose.morph_weights[self.node];
+        self.bounds_at(if joints.is_empty() { &own[..] } else { &joints[..] }, &pose.morph_weights[self.node])
+    }
+
+    /// The same by its joints' matrices, or its own where there are none, and its morph weights.
+    pub fn bounds_at(&self, matrices: &[Affine3A], weights: &[f32]) -> (Vec3, Vec3) {
         let reach: f32 = self.reach.iter().zip(weights).map(|(reach, weight)| reach * weight.abs()).sum();
         let parts =
             self.parts.iter().zip(matrices).filter_map(|(part, matrix)| Some((part.as_ref()?, matrix)));
         let boxes = parts.map(|(&(lo, hi), matrix)| transformed(lo - reach, hi + reach, matrix));
         let finite = boxes.filter(|(lo, hi)| lo.is_finite() && hi.is_finite());
         finite.reduce(super::union).unwrap_or_else(|| {
-            let at = Vec3::from(own[0].translation);
+            let at = matrices.first().map_or(Vec3::ZERO, |own| own.translation.into());
             if at.is_finite() { (at, at) } else { (Vec3::ZERO, Vec3::ZERO) }
         })
     }

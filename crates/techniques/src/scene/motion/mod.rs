@@ -7,7 +7,7 @@
 //!
 //! | pass | reads | writes |
 //! | --- | --- | --- |
-//! | instances | transforms of instances that move | `instances`, previous transforms |
+//! | instances | transforms of instances that moved | `instances`, previous transforms |
 //! | deform | shapes at rest, joint matrices, morph weights | `geometry`: positions (now and before), normals, tangents; `clusters`: spheres |
 //!
 //! Where a file has no normals, they are those of the triangles as they are bent, and tangents lie in them.
@@ -16,7 +16,8 @@
 //! Laperrière & Thalmann 1988).
 //!
 //! Limits: four joints a vertex; texture coordinates and colours do not morph; a cluster that bends is never culled by
-//! its normals. Cost: nothing at rest; else 36 bytes read and 36 written a vertex, 12 to 36 more read for each
+//! its normals. What no animation moves may be moved by a pose of somebody's own making. Cost: nothing at rest, and of
+//! instances only for those that moved; else 36 bytes read and 36 written a vertex, 12 to 36 more read for each
 //! morph target with a weight.
 
 mod bounds;
@@ -80,28 +81,62 @@ const ROW: u32 = 32_768;
 /// A node whose mesh bends: where its matrices and morph weights lie in the uploaded pose.
 #[derive(Clone, Copy, Debug)]
 struct Bending {
-    instance: u32,
     node: cs::Id,
     /// In matrices.
     first_matrix: u32,
 }
 
+/// An instance, and where it stands.
+#[derive(Clone, Copy, Debug)]
+struct Carried {
+    instance: u32,
+    node: cs::Id,
+    bends: bool,
+    /// Whether there is a [`Mover`] of it: of what an animation moves, and of what somebody has moved.
+    is_mover: bool,
+    /// Of what bends, its first joint.
+    world_from_object: Affine3A,
+    /// Since which generation.
+    since: u64,
+}
+
+impl Carried {
+    fn new(instance: u32, node: cs::Id, bends: bool, is_mover: bool) -> Self {
+        Self { instance, node, bends, is_mover, world_from_object: Affine3A::IDENTITY, since: 0 }
+    }
+
+    /// Where it stands in a pose.
+    fn place(&self, scene: &cs::Scene, pose: &cs::Pose) -> Affine3A {
+        let joint = self.bends.then(|| scene.joint_matrices(pose, self.node).first().copied()).flatten();
+        joint.unwrap_or(pose.world_from_node[self.node])
+    }
+
+    fn data(&self) -> InstanceMove {
+        // What bends is stored in world space; but a mirror still turns its triangles over.
+        let data = if self.bends { bending_instance_data } else { instance_data };
+        InstanceMove::new(self.instance, &data(&self.world_from_object))
+    }
+}
+
+/// Bit for bit: what is not a number stays where it is.
+pub(crate) fn same_place(a: &Affine3A, b: &Affine3A) -> bool {
+    a.to_cols_array().map(f32::to_bits) == b.to_cols_array().map(f32::to_bits)
+}
+
 /// What of a scene moves, and its present pose as the GPU takes it.
 #[derive(Debug)]
 pub struct SceneMotion {
-    // Instances that move as a whole, and their nodes.
-    rigid: Vec<(u32, cs::Id)>,
-    // Those that move only with the origin of world space.
-    fixed: Vec<(u32, cs::Id)>,
+    carried: Vec<Carried>,
     origin: DVec3,
-    // Whether their places before are of another origin.
-    fixed_lag: bool,
     bending: Vec<Bending>,
     movers: Vec<Mover>,
+    // How many of them, from the first on, move by themselves; others were moved by somebody.
+    animated: usize,
     buffers: Buffers,
     job_count: u32,
-    moves: Vec<InstanceMove>,
     pose: Vec<[f32; 4]>,
+    // Since which generation.
+    pose_since: u64,
     generation: u64,
     bounds: Vec<(Vec3, Vec3)>,
     bounds_before: Vec<(Vec3, Vec3)>,
@@ -120,8 +155,7 @@ struct Buffers {
 #[derive(Default)]
 pub(crate) struct MotionBuilder {
     pub rest: Rest,
-    rigid: Vec<(u32, cs::Id)>,
-    fixed: Vec<(u32, cs::Id)>,
+    carried: Vec<Carried>,
     bending: Vec<Bending>,
     jobs: Vec<DeformJob>,
     matrices: u32,
@@ -129,14 +163,9 @@ pub(crate) struct MotionBuilder {
 }
 
 impl MotionBuilder {
-    /// Notes an instance whose node moves.
-    pub fn add_rigid(&mut self, instance: u32, node: cs::Id) {
-        self.rigid.push((instance, node));
-    }
-
-    /// Notes an instance whose node rests.
-    pub fn add_fixed(&mut self, instance: u32, node: cs::Id) {
-        self.fixed.push((instance, node));
+    /// Notes an instance, and whether its node moves.
+    pub fn add_rigid(&mut self, instance: u32, node: cs::Id, moves: bool) {
+        self.carried.push(Carried::new(instance, node, false, moves));
     }
 
     /// Notes a node whose mesh bends, drawn by these clusters, which were cut in the order of the mesh's primitives.
@@ -158,7 +187,8 @@ impl MotionBuilder {
                 morph_stride: place.morph_stride,
             });
         }
-        self.bending.push(Bending { instance, node, first_matrix: self.matrices });
+        self.carried.push(Carried::new(instance, node, true, true));
+        self.bending.push(Bending { node, first_matrix: self.matrices });
         self.matrices += joints;
         self.weights += target_count;
     }
@@ -179,35 +209,35 @@ impl MotionBuilder {
         };
         let pose_bytes = 48 * u64::from(self.matrices) + 4 * u64::from(self.weights.next_multiple_of(4));
         let buffers = Buffers {
-            moves: room(
-                "instance_moves",
-                ((self.rigid.len() + self.fixed.len() + self.bending.len()) * size_of::<InstanceMove>())
-                    as u64,
-            ),
+            moves: room("instance_moves", (self.carried.len() * size_of::<InstanceMove>()) as u64),
             jobs: Buffer::with_data(gpu, "deform_jobs", &self.jobs, storage),
             rest: Buffer::with_data(gpu, "rest", &self.rest.words, storage),
             pose: room("pose", pose_bytes),
         };
-        let rigid = self.rigid.iter().map(|(_, node)| *node);
-        let nodes: Vec<_> = rigid.chain(self.bending.iter().map(|bending| bending.node)).collect();
+        let pose = scene.pose(0.0);
+        for carried in &mut self.carried {
+            carried.world_from_object = carried.place(scene, &pose);
+        }
+        let moving = self.carried.iter().filter(|carried| carried.is_mover);
+        let movers: Vec<_> = moving.map(|carried| Mover::new(scene, carried.node)).collect();
+        let bounds: Vec<_> = movers.iter().map(|mover| mover.bounds_ws(scene, &pose)).collect();
         let mut motion = SceneMotion {
-            movers: nodes.iter().map(|&node| Mover::new(scene, node)).collect(),
-            rigid: self.rigid,
-            fixed: self.fixed,
+            animated: movers.len(),
+            movers,
+            carried: self.carried,
             origin: scene.origin,
-            fixed_lag: false,
             bending: self.bending,
             buffers,
             job_count: self.jobs.len() as u32,
-            moves: Vec::new(),
             pose: Vec::new(),
-            generation: 0,
-            bounds: Vec::new(),
-            bounds_before: Vec::new(),
+            // Instances stand as they were uploaded; what bends is bent by the first frame.
+            pose_since: 1,
+            generation: 1,
+            bounds_before: bounds.clone(),
+            bounds,
             done: Mutex::default(),
         };
-        motion.set(scene, &scene.pose(0.0));
-        motion.bounds_before.clone_from(&motion.bounds);
+        motion.pose = motion.words(scene, &pose);
         motion
     }
 }
@@ -216,19 +246,41 @@ impl SceneMotion {
     /// Takes a pose of the scene; whether anything is elsewhere than before.
     pub(crate) fn set(&mut self, scene: &cs::Scene, pose: &cs::Pose) -> bool {
         let moved_origin = scene.origin != self.origin;
-        let with_fixed = moved_origin || std::mem::take(&mut self.fixed_lag);
-        (self.origin, self.fixed_lag) = (scene.origin, moved_origin);
-        let fixed = self.fixed.iter().filter(|_| with_fixed);
-        let rigid = self.rigid.iter().chain(fixed).map(|&(instance, node)| {
-            InstanceMove::new(instance, &instance_data(&pose.world_from_node[node]))
-        });
-        // What bends is stored in world space; but a mirror still turns its triangles over.
-        let bending = self.bending.iter().map(|&Bending { instance, node, .. }| {
-            let joints = scene.joint_matrices(pose, node);
-            let matrix = joints.first().unwrap_or(&pose.world_from_node[node]);
-            InstanceMove::new(instance, &bending_instance_data(matrix))
-        });
-        let moves: Vec<_> = rigid.chain(bending).collect();
+        // Two steps where everything is elsewhere: what was kept of any place holds no more.
+        let next = self.generation + if moved_origin { 2 } else { 1 };
+        // Where the animations would have things that have moved with the origin.
+        let home = moved_origin.then(|| scene.pose(0.0));
+        self.origin = scene.origin;
+        let mut moved = false;
+        let mut before = self.bounds.clone();
+        for carried in &mut self.carried {
+            let (from, to) = (carried.world_from_object, carried.place(scene, pose));
+            if same_place(&from, &to) {
+                continue;
+            }
+            let home = home.as_ref().is_some_and(|home| same_place(&home.world_from_node[carried.node], &to));
+            if !carried.is_mover && !home {
+                carried.is_mover = true;
+                let mover = Mover::new(scene, carried.node);
+                before.push(mover.bounds_at(&[from], &[]));
+                self.movers.push(mover);
+            }
+            (carried.world_from_object, carried.since, moved) = (to, next, true);
+        }
+        let words = self.words(scene, pose);
+        if words != self.pose {
+            (self.pose, self.pose_since, moved) = (words, next, true);
+        }
+        if moved {
+            self.generation = next;
+            self.bounds_before = before;
+            self.bounds = self.movers.iter().map(|mover| mover.bounds_ws(scene, pose)).collect();
+        }
+        moved
+    }
+
+    /// What bends, as the GPU takes it: joint matrices, then morph weights.
+    fn words(&self, scene: &cs::Scene, pose: &cs::Pose) -> Vec<[f32; 4]> {
         let mut words: Vec<[f32; 4]> = Vec::with_capacity(self.pose.len());
         for bending in &self.bending {
             debug_assert_eq!(words.len(), 3 * bending.first_matrix as usize);
@@ -247,16 +299,17 @@ impl SceneMotion {
         words.extend(
             weights.chunks(4).map(|four| std::array::from_fn(|i| four.get(i).copied().unwrap_or(0.0))),
         );
-        if moves == self.moves && words == self.pose {
-            return false;
-        }
-        self.moves = moves;
-        self.pose = words;
-        // Two steps where everything is elsewhere: what was kept of any place holds no more.
-        self.generation += if moved_origin { 2 } else { 1 };
-        self.bounds_before = std::mem::take(&mut self.bounds);
-        self.bounds = self.movers.iter().map(|mover| mover.bounds_ws(scene, pose)).collect();
-        true
+        words
+    }
+
+    /// Nodes that a pose has moved though no animation does, in the order of [`SceneMotion::strayed_bounds_ws`].
+    pub fn strayed(&self) -> Vec<cs::Id> {
+        self.movers[self.animated..].iter().map(Mover::node).collect()
+    }
+
+    /// Corners of boxes in world space around what a pose has moved though no animation does, as it stands now.
+    pub fn strayed_bounds_ws(&self) -> &[(Vec3, Vec3)] {
+        &self.bounds[self.animated..]
     }
 
     /// What world space counts from, in the coordinates of the scene's file, metres.
@@ -322,12 +375,12 @@ pub struct Motion {
     deform: ComputePipeline,
 }
 
-/// Which pose the passes carried out, and in which frame; and whether the poses before are those too.
+/// What the passes carried out: which pose, in which frame, and of which generation the poses before are.
 #[derive(Debug, Default)]
 struct Done {
-    generation: Option<u64>,
+    generation: u64,
+    before: u64,
     frame: u64,
-    settled: bool,
 }
 
 impl Pass for Motion {
@@ -346,24 +399,32 @@ impl Motion {
     /// of the scene a frame renders, it moves once.
     pub fn record(&self, frame: &mut Frame<'_>, scene: &SceneGpu) {
         let motion = &scene.motion;
-        {
+        let before = {
             let mut done = motion.done.lock().unwrap_or_else(PoisonError::into_inner);
-            let rests = done.generation == Some(motion.generation);
-            if rests && (done.settled || done.frame == frame.id()) {
+            let rests = done.generation == motion.generation;
+            if rests && (done.before == motion.generation || done.frame == frame.id()) {
                 return;
             }
-            *done = Done { generation: Some(motion.generation), frame: frame.id(), settled: rests };
-        }
+            let before = done.before;
+            *done = Done { generation: motion.generation, before: done.generation, frame: frame.id() };
+            before
+        };
+        // What moved now, and what moved the last time, whose place before is now where it is.
+        let moved = |since: u64| since > before;
+        let moves: Vec<_> = motion.carried.iter().filter(|c| moved(c.since)).map(Carried::data).collect();
         let buffers = &motion.buffers;
-        if !motion.moves.is_empty() {
-            frame.upload(&buffers.moves, &motion.moves);
+        if !moves.is_empty() {
+            frame.upload(&buffers.moves, &moves);
             // There is room for all instances, of which as many move as the shader sees.
-            let moves = Binding::BufferRange(&buffers.moves, 0, size_of_val(&motion.moves[..]) as u64);
-            let binds = [("moves", moves), ("instances", (&scene.buffers.instances).into())];
-            let threads = Dispatch::Threads([motion.moves.len() as u32, 1, 1]);
+            let size = size_of_val(&moves[..]) as u64;
+            let binds = [
+                ("moves", Binding::BufferRange(&buffers.moves, 0, size)),
+                ("instances", (&scene.buffers.instances).into()),
+            ];
+            let threads = Dispatch::Threads([moves.len() as u32, 1, 1]);
             frame.compute("motion/instances", &self.instances, &[], &binds, threads);
         }
-        if motion.job_count > 0 {
+        if motion.job_count > 0 && moved(motion.pose_since) {
             frame.upload(&buffers.pose, &motion.pose);
             let binds = [
                 ("jobs", (&buffers.jobs).into()),

@@ -150,12 +150,24 @@ impl ComputeRaster {
 
     /// How many views of a size fit one [`ComputeRaster::record`]; 0 = none, use the hardware.
     pub fn views_at_once(gpu: &Gpu, size: [u32; 2]) -> usize {
+        Self::views_in(gpu.limits.max_storage_buffer_binding_size, size)
+    }
+
+    /// The same where buffers of so many bytes can be bound.
+    pub fn views_in(binding_bytes: u64, size: [u32; 2]) -> usize {
         if size.into_iter().any(|side| side > Self::MAX_RESOLUTION) {
             return 0;
         }
-        let binding = gpu.limits.max_storage_buffer_binding_size.min(DEPTH_BUDGET_BYTES);
-        let fit = (binding / 4).saturating_sub(HEADER) / u64::from(texels(size));
+        let fit =
+            (binding_bytes.min(DEPTH_BUDGET_BYTES) / 4).saturating_sub(HEADER) / u64::from(texels(size));
         (fit as usize).min(MAX_VIEWS)
+    }
+
+    /// Bytes at most that depth and lists of so many views of a size take beside their maps, on any adapter.
+    pub fn bytes(size: [u32; 2], views: usize) -> u64 {
+        let all_texels =
+            views.clamp(1, Self::views_in(u64::MAX, size).max(1)) as u64 * u64::from(texels(size));
+        4 * (HEADER + all_texels) + TILE_BYTES * tiles(all_texels)
     }
 
     /// Whether a view of a size can be drawn with numbers: they take as much room as its depth.
@@ -167,7 +179,7 @@ impl ComputeRaster {
     pub fn room(&self, gpu: &Gpu, size: [u32; 2], views: usize) -> RasterRoom {
         let views = views.clamp(1, Self::views_at_once(gpu, size).max(1)) as u32;
         let all_texels = u64::from(views) * u64::from(texels(size));
-        let capacity = (all_texels / TEXELS_PER_TILE).clamp(1, MAX_TILES);
+        let capacity = tiles(all_texels);
         let buffer = |name, life, size| Buffer::new(gpu, name, life, size, BufferUsages::STORAGE);
         let words = HEADER + if self.draws == Draws::Numbers { 2 * all_texels } else { all_texels };
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
@@ -309,6 +321,11 @@ const NUMBER_NAMES: [[&str; 2]; 2] = [
 
 /// Depth bits of the views drawn at once take at most this much.
 const DEPTH_BUDGET_BYTES: u64 = 512 << 20;
+
+/// Tiles that the work list has room for.
+fn tiles(all_texels: u64) -> u64 {
+    (all_texels / TEXELS_PER_TILE).clamp(1, MAX_TILES)
+}
 
 /// Texels of a map in whole blocks.
 fn texels([width, height]: [u32; 2]) -> u32 {
