@@ -14,6 +14,7 @@ const SPARE: usize = 2;
 
 /// Entry files that may leave less, and why.
 const EXCEPTIONS: &[(&str, &str)] = &[
+    ("reference/path/trace.cs.wesl", "the scene, the tree and the photon map"),
     ("reference/photon/trace.cs.wesl", "as the path tracer, and lights to start from"),
     ("view/raster/tiles.cs.wesl", "the scene, the lists, tiles and depths; it shades nothing"),
     ("view/raster/triangles.cs.wesl", "as the tiles"),

@@ -45,7 +45,8 @@ fn named<'a>(text: &'a str, root: &str) -> Vec<&'a str> {
                 _ => {}
             }
         }
-        names.extend(starts.into_iter().map(|start| word(list[start..].trim_start())));
+        let listed = starts.into_iter().map(|start| word(list[start..].trim_start()));
+        names.extend(listed.filter(|name| !name.is_empty()));
     }
     names
 }
@@ -64,6 +65,9 @@ fn imports() -> BTreeMap<(String, String), PathBuf> {
             continue;
         }
         let text = std::fs::read_to_string(&path).unwrap();
+        // Pages may point anywhere.
+        let code: Vec<_> = text.lines().map(|line| line.split("//").next().unwrap_or("")).collect();
+        let text = code.join("\n");
         let root = if path.extension().is_some_and(|e| e == "wesl") { "import package::" } else { "crate::" };
         for name in named(&text, root) {
             if name != room && source.join(name).is_dir() {

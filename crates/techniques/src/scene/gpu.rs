@@ -192,6 +192,10 @@ pub(crate) struct Cut {
     motion: MotionBuilder,
     pub instances: Vec<InstanceData>,
     pub drawn: Vec<Drawn>,
+    // Sorted by class; the heap's first words.
+    items: Vec<ItemData>,
+    class_first: [u32; CLASSES],
+    triangles: u64,
 }
 
 impl Cut {
@@ -221,7 +225,21 @@ impl Cut {
             };
             drawn.push(Drawn { instance, node, mesh, clusters, fixed: !bends && !moving[node] });
         }
-        Self { heap, motion, instances, drawn }
+        let mut items: Vec<(usize, ItemData)> = Vec::new();
+        let mut triangles = 0u64;
+        for Drawn { instance, clusters, .. } in &drawn {
+            for cluster in clusters.clone() {
+                let data = &heap.clusters[cluster];
+                triangles += u64::from(data.triangle_count);
+                let class = class(&scene.materials[data.material as usize]);
+                items.push((class, ItemData { cluster: cluster as u32, instance: *instance }));
+            }
+        }
+        items.sort_by_key(|(class, _)| *class);
+        let class_first = std::array::from_fn(|class| items.partition_point(|(c, _)| *c < class) as u32);
+        let items: Vec<_> = items.into_iter().map(|(_, item)| item).collect();
+        heap.begin_with(bytemuck::cast_slice(&items));
+        Self { heap, motion, instances, drawn, items, class_first, triangles }
     }
 }
 
@@ -275,25 +293,10 @@ impl SceneGpu {
     /// [`GpuError::TooLarge`] when the scene does not fit the adapter's limits.
     pub fn upload(gpu: &Gpu, layout: &GroupLayout, scene: &cs::Scene) -> Result<Self, GpuError> {
         let pose = scene.pose(0.0);
-        let Cut { mut heap, motion, instances, drawn } = Cut::new(scene, &pose);
-        let mut items: Vec<(usize, ItemData)> = Vec::new();
-        let mut triangles = 0u64;
-        for Drawn { instance, clusters, .. } in drawn {
-            for cluster in clusters {
-                let data = &heap.clusters[cluster];
-                triangles += u64::from(data.triangle_count);
-                let class = class(&scene.materials[data.material as usize]);
-                items.push((class, ItemData { cluster: cluster as u32, instance }));
-            }
-        }
-        items.sort_by_key(|(class, _)| *class);
-        let class_first = std::array::from_fn(|class| items.partition_point(|(c, _)| *c < class) as u32);
-        let items: Vec<_> = items.into_iter().map(|(_, item)| item).collect();
-        let heap_bytes = 4 * heap.words.len() as u64 + size_of_val(&items[..]) as u64;
-        check(gpu, &items, triangles, heap_bytes.max(motion.largest_buffer()))?;
+        let Cut { mut heap, motion, instances, items, class_first, triangles, .. } = Cut::new(scene, &pose);
+        check(gpu, &items, triangles, (4 * heap.words.len() as u64).max(motion.largest_buffer()))?;
 
         let (arrays, slots, texture_facts) = texture::upload(gpu, scene)?;
-        heap.begin_with(bytemuck::cast_slice(&items));
         let materials: Vec<_> =
             scene.materials.iter().map(|m| material::pack(m, &slots, &mut heap.words)).collect();
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;

@@ -18,7 +18,7 @@ use super::{Fit, PointLayout, ShadowSettings};
 use crate::frame::{FrameGroup, ShadowViewData};
 use crate::scene::{CLASSES, OPAQUE};
 use crate::scene::{SceneFacts, SceneGpu};
-use crate::view::culling::{Culling, DEPTH_COMPARE, DrawLists, Kinds, ListRoom, draw_classes, kinds};
+use crate::view::culling::{Culling, DEPTH_COMPARE, DrawLists, Kinds, ListRoom, draw_classes, kinds_by_mask};
 use crate::view::raster::{ComputeRaster, Draws, RasterRoom};
 use crate::view::{ViewData, ViewTable};
 use crate::{Kit, Pass, shaders};
@@ -193,8 +193,7 @@ impl Pass for ShadowMaps {
         let ShadowKey { facts, cull_front, computes, .. } = *key;
         let materials = facts.constants();
         let shared = &[frame_layout, scene_layout];
-        let pipeline = |class: usize| {
-            let masked = class & 2 != 0;
+        let pipeline = |masked: bool| {
             let options = RenderPipelineOptions {
                 depth: Some((TextureFormat::Depth32Float, DEPTH_COMPARE)),
                 cull: cull_front.then_some(wgpu::Face::Front),
@@ -204,8 +203,7 @@ impl Pass for ShadowMaps {
             };
             RenderPipeline::new(gpu, library, &shaders::shadow_depth(masked), shared, &options)
         };
-        let paraboloid = |class: usize| {
-            let masked = class & 2 != 0;
+        let paraboloid = |masked: bool| {
             let options = RenderPipelineOptions {
                 depth: Some((TextureFormat::Depth32Float, DEPTH_COMPARE)),
                 constants: if masked { &materials } else { &[] },
@@ -216,7 +214,7 @@ impl Pass for ShadowMaps {
         };
         // What is see-through casts, too.
         let drawn = facts.draws(0..CLASSES);
-        let paraboloid = || key.paraboloids.then(|| kinds(drawn, paraboloid)).transpose();
+        let paraboloid = || key.paraboloids.then(|| kinds_by_mask(drawn, paraboloid)).transpose();
         let raster = || {
             let draws = Draws::Depth { cull_front };
             computes.then(|| ComputeRaster::new(gpu, library, scene_layout, facts, draws)).transpose()
@@ -225,7 +223,7 @@ impl Pass for ShadowMaps {
         let tint = || key.tint.then(|| Tint::new(gpu, library, shared, facts)).transpose();
         let moments = || Moments::compile(kit, &key.moments);
         let ((pipelines, paraboloid), ((raster, fitter), (tint, moments))) = parallel::join(
-            || parallel::join(|| kinds(drawn, pipeline), paraboloid),
+            || parallel::join(|| kinds_by_mask(drawn, pipeline), paraboloid),
             || parallel::join(|| parallel::join(raster, fitter), || parallel::join(tint, moments)),
         );
         Ok(Self {

@@ -14,7 +14,7 @@ use chiaro_gpu::{
 use crate::scene::SEE_THROUGH;
 use crate::scene::SceneFacts;
 use crate::shaders;
-use crate::view::culling::{DrawLists, Kinds, draw_classes, kinds};
+use crate::view::culling::{DrawLists, Kinds, draw_classes};
 
 const THROUGH: ViewHint =
     ViewHint::new("The nearest see-through caster from each light, a layer each", Mapping::ShadowDepth);
@@ -74,16 +74,18 @@ impl Tint {
             write_mask: wgpu::ColorWrites::ALL,
         }];
         let constants = facts.constants();
-        let make = |_| {
-            let options = RenderPipelineOptions {
-                targets: &target,
-                unclipped_depth: gpu.optional.depth_clip_control,
-                constants: &constants,
-                ..Default::default()
-            };
-            RenderPipeline::new(gpu, library, &shaders::plain("shadow/tint.vs.wesl"), shared, &options)
+        let options = RenderPipelineOptions {
+            targets: &target,
+            unclipped_depth: gpu.optional.depth_clip_control,
+            constants: &constants,
+            ..Default::default()
         };
-        Ok(Self { pipelines: kinds(facts.draws(SEE_THROUGH), make)? })
+        let entry = shaders::plain("shadow/tint.vs.wesl");
+        let drawn = facts.draws(SEE_THROUGH);
+        let any = drawn.contains(&true);
+        let pipeline =
+            any.then(|| RenderPipeline::new(gpu, library, &entry, shared, &options)).transpose()?;
+        Ok(Self { pipelines: drawn.map(|drawn| pipeline.clone().filter(|_| drawn)) })
     }
 
     /// Draws the see-through casters of one view: `depth` are the pipelines of depth maps.

@@ -199,6 +199,21 @@ pub fn kinds(
     Ok(std::array::from_fn(|_| made.next().flatten()))
 }
 
+/// The same where faces of both sides are drawn alike: one pipeline for masked kinds, one for the others.
+///
+/// # Errors
+/// Those of `make`.
+pub fn kinds_by_mask(
+    drawn: [bool; KINDS],
+    make: impl Fn(bool) -> Result<RenderPipeline, GpuError> + WasmNotSendSync,
+) -> Result<Kinds, GpuError> {
+    let made = parallel::each(2, |masked| {
+        let wanted = drawn[2 * masked] || drawn[2 * masked + 1];
+        wanted.then(|| make(masked == 1)).transpose()
+    })?;
+    Ok(std::array::from_fn(|kind| made[kind / 2].clone().filter(|_| drawn[kind])))
+}
+
 /// Draws some classes of a view with pipelines by kind of class. A kind without one has nothing to draw.
 pub fn draw_classes(
     pass: &mut RenderPass<'_, '_>,

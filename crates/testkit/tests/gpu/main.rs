@@ -6,6 +6,7 @@ mod brdf_sample;
 mod bsdf_sample;
 mod chi_square;
 mod culling;
+mod docs;
 mod emitter_sample;
 mod environment;
 mod extent;

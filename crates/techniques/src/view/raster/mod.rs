@@ -34,7 +34,7 @@ use crate::scene::{CLASSES, OPAQUE};
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;
 use crate::view::culling::DrawLists;
-use crate::view::{MAX_VIEWS, ViewData, ViewTable};
+use crate::view::{MAX_VIEWS, ViewTable};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -45,11 +45,7 @@ pub(crate) struct RasterData {
     pub(crate) first: u32,
     pub(crate) capacity: u32,
     pub(crate) phase: u32,
-    pub(crate) anisotropy: u32,
-    pub(crate) footprint_scale: f32,
-    pub(crate) reserved0: u32,
-    pub(crate) reserved1: u32,
-    pub(crate) reserved2: u32,
+    pub(crate) reserved: u32,
 }
 
 /// Words before the views' texels; see `raster.wesl`.
@@ -245,9 +241,7 @@ impl ComputeRaster {
     ) {
         let uniform = &room.uniforms[phase];
         let first = lists.slot(views.start) as u32;
-        let ViewData { anisotropy, footprint_scale, .. } = table.views()[views.start as usize];
-        let shared = RasterData { anisotropy, footprint_scale, ..room.data() };
-        frame.upload(uniform, &[RasterData { first, phase: phase as u32, ..shared }]);
+        frame.upload(uniform, &[RasterData { first, phase: phase as u32, ..room.data() }]);
         let binds = [
             ("raster", uniform.into()),
             ("views", table.batch(lists.views.start)),
