@@ -281,15 +281,12 @@ impl Renderer {
         let rooms = &mut state.rooms;
         let shadow_settings = &settings.shadow;
         let shadow = passes.shadows.room(gpu, &scene.gpu, &shadow_views, shadow_settings, &mut rooms.shadow);
-        let anisotropy = settings.surface.anisotropy;
-        let shadow_plan = passes.shadows.plan(gpu, &scene.gpu, &shadow_views, shadow, anisotropy);
-        let camera = ViewData {
-            footprint_scale,
-            anisotropy,
-            ..ViewData::new(&clip_from_ws, eye, size_px).dropping_back_faces()
-        };
+        let shadow_plan = passes.shadows.plan(gpu, &scene.gpu, &shadow_views, shadow);
+        let camera =
+            ViewData { footprint_scale, ..ViewData::new(&clip_from_ws, eye, size_px).dropping_back_faces() };
         let at_once = Culling::views_at_once(gpu, &scene.gpu);
         let (known, fitted) = shadow_plan.views();
+        rooms.views.anisotropy = settings.surface.anisotropy;
         rooms.views.set(gpu, &[&[camera], known].concat(), fitted, at_once);
         // As many as may ever be culled together, so that frames do not allocate when more maps are drawn.
         let together = at_once.min(1 + shadow_views.views.len());

@@ -273,10 +273,10 @@ fn rust_structs_equal_their_wesl_twins() {
         size_px,
         layer,
         flags,
-        anisotropy,
         depth_limit,
         slot,
-        reserved,
+        reserved0,
+        reserved1,
     );
     let instances = &linked("scene/motion/instances.cs.wesl");
     same!(instances, InstanceMove, "InstanceMove", world_from_object, max_scale, flags, instance, reserved);
@@ -305,7 +305,22 @@ fn rust_structs_equal_their_wesl_twins() {
     );
     same!(&linked("view/cull_scan.cs.wesl"), CullClasses, "CullClasses", first, item_count, list_stride, row);
     let raster = &linked("view/raster/resolve.cs.wesl");
-    same!(raster, RasterData, "Raster", size, columns, texels, first, capacity, phase, reserved);
+    same!(
+        raster,
+        RasterData,
+        "Raster",
+        size,
+        columns,
+        texels,
+        first,
+        capacity,
+        phase,
+        anisotropy,
+        footprint_scale,
+        reserved0,
+        reserved1,
+        reserved2
+    );
 }
 
 #[test]

@@ -301,18 +301,11 @@ impl ShadowMaps {
     }
 
     /// Which maps are to be rendered: of the views that moved since they were rendered last, and of those that see something
-    /// that did. `anisotropy`: most taps of a masked caster's texture.
-    pub fn plan(
-        &self,
-        gpu: &Gpu,
-        scene: &SceneGpu,
-        views: &ShadowViews,
-        room: &ShadowRoom,
-        anisotropy: u32,
-    ) -> ShadowPlan {
+    /// that did.
+    pub fn plan(&self, gpu: &Gpu, scene: &SceneGpu, views: &ShadowViews, room: &ShadowRoom) -> ShadowPlan {
         let draw = |view: &ShadowView| {
             let clamps = gpu.optional.depth_clip_control;
-            ViewData { anisotropy, ..draw_view(view, clamps) }
+            draw_view(view, clamps)
         };
         let rendered = room.rendered.get(&[self.id, scene.id()]);
         let poses = rendered.map_or(2, |rendered| scene.motion.generation().wrapping_sub(rendered.pose));

@@ -31,10 +31,10 @@ pub struct ViewData {
     pub size_px: [u32; 2],
     pub layer: u32,
     pub flags: u32,
-    pub anisotropy: u32,
     pub depth_limit: f32,
     pub slot: u32,
-    pub reserved: u32,
+    pub reserved0: u32,
+    pub reserved1: u32,
 }
 
 const DROPS_BACK_FACES: u32 = 1;
@@ -73,7 +73,6 @@ impl ViewData {
             size_px,
             share: 1.0,
             footprint_scale: 1.0,
-            anisotropy: 1,
             depth_limit: 1.0,
             ..Self::zeroed()
         }
@@ -129,12 +128,14 @@ pub struct ViewTable {
     capacity: usize,
     views: Vec<ViewData>,
     batches: Vec<Range<u32>>,
+    /// Most texels averaged along a slanted footprint of masked surfaces, where compute draws.
+    pub anisotropy: u32,
 }
 
 impl ViewTable {
     /// A table with room for one view.
     pub fn new(gpu: &Gpu) -> Self {
-        Self { buffer: buffer(gpu, 1), capacity: 1, views: Vec::new(), batches: Vec::new() }
+        Self { buffer: buffer(gpu, 1), capacity: 1, views: Vec::new(), batches: Vec::new(), anisotropy: 1 }
     }
 
     /// Takes the views of the next frame, and makes room for them; not inside a frame. Those that are known when it begins

@@ -35,7 +35,7 @@ impl RasterView {
     fn data(&self, side: u32) -> ViewData {
         let data = ViewData::new(&self.clip_from_ws, Vec4::W, [side; 2]);
         let data = if self.clip_near { data } else { data.clamping_near() };
-        ViewData { layer: self.layer, anisotropy: ANISOTROPY, ..data }
+        ViewData { layer: self.layer, ..data }
     }
 }
 
@@ -77,6 +77,7 @@ impl<'a> Both<'a> {
     ) -> (ViewTable, DrawLists) {
         let views: Vec<_> = views.iter().map(|view| view.data(side)).collect();
         let mut table = ViewTable::new(self.gpu);
+        table.anisotropy = ANISOTROPY;
         table.set(self.gpu, &views, &[], views.len());
         table.upload(frame);
         let room = ListRoom::new(self.gpu, &self.scene, views.len());

@@ -45,7 +45,11 @@ pub(crate) struct RasterData {
     pub(crate) first: u32,
     pub(crate) capacity: u32,
     pub(crate) phase: u32,
-    pub(crate) reserved: u32,
+    pub(crate) anisotropy: u32,
+    pub(crate) footprint_scale: f32,
+    pub(crate) reserved0: u32,
+    pub(crate) reserved1: u32,
+    pub(crate) reserved2: u32,
 }
 
 /// Words before the views' texels; see `raster.wesl`.
@@ -241,7 +245,9 @@ impl ComputeRaster {
     ) {
         let uniform = &room.uniforms[phase];
         let first = lists.slot(views.start) as u32;
-        frame.upload(uniform, &[RasterData { first, phase: phase as u32, ..room.data() }]);
+        let footprint_scale = table.views()[views.start as usize].footprint_scale;
+        let shared = RasterData { anisotropy: table.anisotropy, footprint_scale, ..room.data() };
+        frame.upload(uniform, &[RasterData { first, phase: phase as u32, ..shared }]);
         let binds = [
             ("raster", uniform.into()),
             ("views", table.batch(lists.views.start)),
