@@ -212,7 +212,7 @@ impl Gpu {
             .map_err(|e| GpuError::NoDevice { adapter: info.name.clone(), reason: e.to_string() })?;
         let samples = sample_counts(&device, adapter);
         let offers_pipeline_cache = adapter.features().contains(wgpu::Features::PIPELINE_CACHE);
-        Ok(Self { samples, offers_pipeline_cache, ..Self::from_device(device, queue, info) })
+        Ok(Self { offers_pipeline_cache, samples, ..Self::from_device(device, queue, info) })
     }
 
     /// Uses a host program's device. Its uncaptured-error handler is replaced: ask [`Gpu::check`] instead. Samples per pixel
