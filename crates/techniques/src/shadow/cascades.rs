@@ -278,6 +278,30 @@ pub(super) struct FitRoom {
 }
 
 impl FitRoom {
+    /// Room for so many views.
+    pub fn new(gpu: &Gpu, count: usize) -> Self {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let make = |name, life, bytes: u64| Buffer::new(gpu, name, life, bytes, usage);
+        let kept = |name, each: usize| make(name, Life::Kept, (count.max(1) * each) as u64);
+        Self {
+            count,
+            depth_bounds: make("depth_bounds", Life::Frame, 8),
+            suns: make("sun_fits", Life::Frame, MAX_SUNS * size_of::<SunFit>() as u64),
+            frustum: kept("frustum_views", size_of::<ShadowViewData>()),
+            views: kept("fitted_views", size_of::<ShadowViewData>()),
+            draws: kept("fitted_draws", size_of::<ViewData>()),
+        }
+    }
+
+    /// Puts fitted views in the place of the frustum's, among those that are looked up.
+    pub fn take(&self, frame: &mut Frame<'_>, suns: &[SunFit], lighting: &Buffer) {
+        let each = size_of::<ShadowViewData>() as u64;
+        for sun in suns {
+            let at = u64::from(sun.first_view) * each;
+            frame.copy((&self.views, at), (lighting, at), u64::from(sun.count) * each);
+        }
+    }
+
     /// Whether it serves so many views.
     pub fn serves(&self, count: usize) -> bool {
         self.count >= count
@@ -288,21 +312,6 @@ impl Fitter {
     pub fn new(gpu: &Gpu, library: &Library, frame_layout: &GroupLayout) -> Result<Self, GpuError> {
         let make = |entry| ComputePipeline::new(gpu, library, &shaders::plain(entry), &[frame_layout], &[]);
         Ok(Self { bounds: make("shadow/depth_bounds.cs.wesl")?, fit: make("shadow/fit.cs.wesl")? })
-    }
-
-    /// Room for so many views.
-    pub fn room(&self, gpu: &Gpu, count: usize) -> FitRoom {
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        let make = |name, life, bytes: u64| Buffer::new(gpu, name, life, bytes, usage);
-        let kept = |name, each: usize| make(name, Life::Kept, (count.max(1) * each) as u64);
-        FitRoom {
-            count,
-            depth_bounds: make("depth_bounds", Life::Frame, 8),
-            suns: make("sun_fits", Life::Frame, MAX_SUNS * size_of::<SunFit>() as u64),
-            frustum: kept("frustum_views", size_of::<ShadowViewData>()),
-            views: kept("fitted_views", size_of::<ShadowViewData>()),
-            draws: kept("fitted_draws", size_of::<ViewData>()),
-        }
     }
 
     /// Measures the picture's depths and fits all cascades to them. `draws`: the views as the frustum would have them drawn.
@@ -332,14 +341,5 @@ impl Fitter {
         ];
         let suns = Dispatch::Groups([views.fitted.len() as u32, 1, 1]);
         frame.compute("shadow/fit", &self.fit, &[], &binds, suns);
-    }
-
-    /// Puts fitted views in the place of the frustum's, among those that are looked up.
-    pub fn take(&self, frame: &mut Frame<'_>, suns: &[SunFit], lighting: &Buffer, room: &FitRoom) {
-        let each = size_of::<ShadowViewData>() as u64;
-        for sun in suns {
-            let at = u64::from(sun.first_view) * each;
-            frame.copy((&room.views, at), (lighting, at), u64::from(sun.count) * each);
-        }
     }
 }

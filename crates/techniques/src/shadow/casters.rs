@@ -55,7 +55,9 @@ impl Casters {
     /// [`Casters::hold`].
     pub fn new(scene: &cs::Scene, pose: &cs::Pose, strayed: &[cs::Id]) -> Self {
         let mut moving = scene.moving_nodes();
-        strayed.iter().for_each(|&node| moving[node] = true);
+        for &node in strayed {
+            moving[node] = true;
+        }
         let mut casters = Self { rest: bounds_over_time(scene), ..Self::default() };
         let mut flat = Vec::new();
         for (index, node) in scene.nodes.iter().enumerate() {

@@ -286,9 +286,9 @@ impl ShadowMaps {
             let serves = |room: &RasterRoom| room.serves(size, at_once);
             chiaro_gpu::keep(&mut room.raster, serves, || raster.room(gpu, size, at_once));
         }
-        if let Some(fitter) = &self.fitter {
+        if self.fitter.is_some() {
             let serves = |room: &FitRoom| room.serves(drawn);
-            chiaro_gpu::keep(&mut room.fit, serves, || fitter.room(gpu, drawn));
+            chiaro_gpu::keep(&mut room.fit, serves, || FitRoom::new(gpu, drawn));
         }
         // One batch goes with the camera's view.
         let culled = Culling::views_at_once(gpu, scene);
@@ -354,7 +354,7 @@ impl ShadowMaps {
                 let draws: Vec<_> = views.views.iter().map(|view| draw_view(view, clamps)).collect();
                 fitter.record(frame, group.group(), (views, &draws), depth, fit);
             }
-            fitter.take(frame, &views.fitted, &group.lighting, fit);
+            fit.take(frame, &views.fitted, &group.lighting);
             for (to, &layer) in (first + known.len() as u32..).zip(&plan.layers[known.len()..]) {
                 table.take(frame, (&fit.draws, layer), to);
             }
