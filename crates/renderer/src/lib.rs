@@ -19,6 +19,7 @@
 //! [`Gpu::required_features`] and [`Gpu::required_limits`]), builds a [`View`] from its camera, and records
 //! [`Renderer::prepare`]d frames into its own encoder through [`Recorder::begin_in`].
 
+mod canvas;
 pub mod environment;
 mod error;
 mod left;
@@ -33,6 +34,7 @@ mod still;
 mod view;
 mod view_state;
 
+pub use canvas::Canvas;
 pub use chiaro_gpu::{
     AdapterChoice, Buffer, BufferReadback, Frame, FrameTimings, Gpu, GpuError, GpuOptions, Handle,
     LimitChoice, Mapping, OptionalFeatures, PassLog, PassTiming, Pixels, Readback, Recorder, Resource,
@@ -52,5 +54,5 @@ pub use reference::{FirstHit, Integrator, Reference, ReferenceOptions};
 pub use renderer::{Prepared, Renderer};
 pub use settings::{Pipeline, Settings};
 pub use still::{Jitter, Still, StillOptions};
-pub use view::{Lookout, View};
+pub use view::{Depth, Lookout, View};
 pub use view_state::ViewState;
