@@ -407,7 +407,8 @@ impl<'a> From<&'a wgpu::Sampler> for Binding<'a> {
 }
 
 impl<'a> Binding<'a> {
-    pub(crate) fn resource(self) -> wgpu::BindingResource<'a> {
+    /// As wgpu binds it.
+    pub fn resource(self) -> wgpu::BindingResource<'a> {
         match self {
             Self::Texture(texture) => wgpu::BindingResource::TextureView(texture.view()),
             Self::Mip(texture, mip) => wgpu::BindingResource::TextureView(texture.mip_view(mip)),

@@ -289,7 +289,7 @@ mod tests {
             (Mat4::NAN, clip, Depth::Reversed, "view_from_world has a number that is not finite"),
             (
                 Mat4::IDENTITY,
-                Mat4::INFINITY,
+                f32::INFINITY * Mat4::IDENTITY,
                 Depth::Reversed,
                 "clip_from_view has a number that is not finite",
             ),

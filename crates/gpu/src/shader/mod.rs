@@ -4,10 +4,12 @@
 //! path; [`Library::link`] joins an entry file with what it imports under a set of `@if` flags and validates the
 //! result with naga, so that a mistake is found without a GPU.
 
+mod alone;
 mod layout;
 mod link;
 mod reflect;
 
+pub use alone::Alone;
 pub use layout::{check_layout, struct_layout};
 pub use link::{Library, Permutation};
 pub use reflect::{Linked, Reflected};
