@@ -1,6 +1,6 @@
 //! Whole frames of chiaro in a program that has a window, a device and a camera of its own.
 //!
-//! `cargo run --release -p chiaro-examples --bin adopted` turns around a scene in a window, and
+//! `cargo run --release -p chiaro-examples --bin adopted` sways before a scene in a window, and
 //! `… --bin adopted -- picture.png` draws one frame of it without one.
 
 use std::sync::Arc;
@@ -38,14 +38,14 @@ impl Chiaro {
         format: TextureFormat,
     ) -> Result<Self> {
         let gpu = Gpu::adopt(adapter, device, queue)?;
-        let mut ball = scene::load("builtin:ball")?;
-        ball.add_default_view();
-        let (renderer, scene) = Renderer::with_scene(&gpu, Settings::default(), &ball)?;
+        let mut cornell = scene::load("builtin:cornell")?;
+        cornell.add_default_view();
+        let (renderer, scene) = Renderer::with_scene(&gpu, Settings::default(), &cornell)?;
         let canvas = Canvas::new(&renderer, format)?;
         Ok(Self { renderer, scene, canvas })
     }
 
-    /// Draws with the program's camera, `turn_rad` around the scene.
+    /// Draws with the program's camera, `turn_rad` from the scene's front.
     fn draw(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -54,10 +54,9 @@ impl Chiaro {
     ) -> Result<()> {
         let aspect = target.texture().width() as f32 / target.texture().height() as f32;
         let (lo, hi) = self.scene.gpu.bounds_ws;
-        let away =
-            (hi - lo).length() * (Mat4::from_rotation_y(turn_rad) * Vec3::new(0.0, 0.35, 0.6).extend(0.0));
+        let away = Mat4::from_rotation_y(turn_rad).transform_vector3(Vec3::Z) * 1.2 * (hi - lo).length();
         let middle = 0.5 * (lo + hi);
-        let view_from_world = rh::view::look_at_mat4(middle + away.truncate(), middle, Vec3::Y);
+        let view_from_world = rh::view::look_at_mat4(middle + away, middle, Vec3::Y);
         let clip_from_view = rh::proj::directx::perspective(0.8, aspect, 0.01, 1000.0);
         let view = View::from_matrices(view_from_world, clip_from_view, Depth::Standard)?;
         Ok(self.canvas.record(&self.renderer, (&self.scene, &view), encoder, target)?)
@@ -111,7 +110,7 @@ impl Shown {
         };
         let target = texture.texture.create_view(&wgpu::TextureViewDescriptor::default());
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.chiaro.draw(&mut encoder, &target, 0.3 * self.start.elapsed().as_secs_f32())?;
+        self.chiaro.draw(&mut encoder, &target, 0.4 * self.start.elapsed().as_secs_f32().sin())?;
         self.queue.submit([encoder.finish()]);
         self.window.pre_present_notify();
         self.queue.present(texture);
@@ -173,7 +172,7 @@ fn picture([width, height]: [u32; 2]) -> Result<chiaro_image::Picture> {
     let target = texture.create_view(&wgpu::TextureViewDescriptor::default());
     let mut chiaro = Chiaro::new(&adapter, (device.clone(), queue.clone()), texture.format())?;
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    chiaro.draw(&mut encoder, &target, 0.5)?;
+    chiaro.draw(&mut encoder, &target, 0.2)?;
     queue.submit([encoder.finish()]);
     let gpu = chiaro.renderer.gpu();
     let pixels = Readback::start(gpu, &Texture::of_host("picture", &target, texture.format()))?.wait(gpu)?;
