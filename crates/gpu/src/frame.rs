@@ -442,7 +442,7 @@ impl Frame<'_> {
 
     fn close(&mut self) {
         if let Some(profiler) = &mut self.recorder.profiler {
-            profiler.resolve_queries(&mut *self.encoder);
+            profiler.resolve_queries(&mut self.encoder);
         }
         self.recorder.belt.finish_and_recall_on_submit(&self.encoder);
     }

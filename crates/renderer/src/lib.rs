@@ -20,14 +20,12 @@
 //! onto its own texture. What hears of the device's errors stays in place; nothing is submitted or waited for.
 //!
 //! ```
-//! use chiaro::scene::{Material, Mesh, Node, Primitive, Scene};
-//! use chiaro::{Canvas, Gpu, Renderer, Settings, View, wgpu};
+//! use chiaro::{Canvas, Gpu, Renderer, Settings, View, scene::{Material, Mesh, Node, Primitive, Scene}, wgpu};
 //! # use glam::Vec3;
 //! # use wgpu::{TextureDimension, TextureFormat, TextureUsages};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> { pollster::block_on(run()) }
 //! # async fn run() -> Result<(), Box<dyn std::error::Error>> {
-//! let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-//! let adapter = instance.request_adapter(&Default::default()).await?;
+//! let adapter = wgpu::Instance::default().request_adapter(&Default::default()).await?;
 //! let (device, queue) = adapter.request_device(&Default::default()).await?;
 //! device.on_uncaptured_error(std::sync::Arc::new(|error| panic!("mine to hear: {error}")));
 //! let (format, usage) = (TextureFormat::Rgba8UnormSrgb, TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC);

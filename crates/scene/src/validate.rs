@@ -12,7 +12,8 @@ type Check = Result<(), String>;
 /// Fails with a sentence unless something holds.
 macro_rules! ensure {
     ($holds:expr, $($problem:tt)*) => {
-        if !$holds {
+        let holds: bool = $holds;
+        if !holds {
             return Err(format!($($problem)*));
         }
     };
@@ -265,7 +266,7 @@ fn mesh(mesh: &Mesh) -> Check {
 
 fn weights(weights: &[f32], targets: usize) -> Check {
     optional_length("morph weights", weights.len(), targets)?;
-    finite("morph weights", weights, |weight| weight.is_finite())
+    finite("morph weights", weights, f32::is_finite)
 }
 
 fn image(image: &ImageData) -> Check {
@@ -346,7 +347,7 @@ mod tests {
     use glam::{Affine3A, Vec2};
 
     use super::*;
-    use crate::{Texture, TextureRef, Transform};
+    use crate::{Filter, Texture, TextureRef, Transform, Wrap};
 
     /// A triangle, a lamp and a camera.
     fn scene() -> Scene {
@@ -376,11 +377,12 @@ mod tests {
         }
     }
 
+    type Fault = fn(&mut Scene);
+
     #[test]
     fn every_fault_is_named_with_its_place() {
         scene().validate().unwrap();
         Scene::default().validate().unwrap();
-        type Fault = fn(&mut Scene);
         let faults: [(Fault, &str); 25] = [
             (|s| s.nodes[1].mesh = Some(4), "node 1 “lamp”: mesh 4 does not exist; there are 1"),
             (|s| s.nodes[1].light = Some(1), "node 1 “lamp”: light 1 does not exist"),
@@ -431,11 +433,8 @@ mod tests {
             ),
             (
                 |s| {
-                    s.textures.push(Texture {
-                        image: 0,
-                        wrap: Default::default(),
-                        filter: Default::default(),
-                    })
+                    let (wrap, filter) = ([Wrap::Repeat; 2], Filter::Linear);
+                    s.textures.push(Texture { image: 0, wrap, filter });
                 },
                 "texture 0: image 0 does not exist",
             ),

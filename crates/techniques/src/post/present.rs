@@ -1,7 +1,7 @@
 //! Pictures and radiance on textures of a host program.
 
 use chiaro_gpu::shader::Library;
-use chiaro_gpu::wgpu::TextureFormat;
+use chiaro_gpu::wgpu::{self, TextureFormat};
 use chiaro_gpu::{
     Attachment, Buffer, Draw, Frame, Gpu, GpuError, RenderPipeline, RenderPipelineOptions, Targets, Texture,
 };
@@ -76,7 +76,7 @@ impl Present {
             ("unlit", sum.unlit.unwrap_or(&self.no_unlit).into()),
         ];
         let color =
-            [Attachment { texture: target, layer: 0, clear: Some(Default::default()), resolve: None }];
+            [Attachment { texture: target, layer: 0, clear: Some(wgpu::Color::BLACK), resolve: None }];
         frame.render("post/present", Targets { color: &color, depth: None }, |pass| {
             pass.draw(&self.pipeline, &[], &binds, Draw::FullScreen);
         });

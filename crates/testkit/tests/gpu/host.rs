@@ -3,13 +3,16 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
-use chiaro::scene::{Scene, SceneError};
+use chiaro::alone::Shadows;
+use chiaro::scene::{Light, LightKind, Scene, SceneError};
+use chiaro::techniques::shadow::{Filter, Representation, ShadowSettings};
 use chiaro::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro::{
     Canvas, Depth, Error, Gpu, GpuError, LoadedScene, Readback, Reference, ReferenceOptions, Renderer,
     Samples, Settings, StillOptions, Texture, View,
 };
 use chiaro_testkit::{Stage, camera_above, device, direct};
+use glam::camera::rh::proj::directx as right;
 use glam::camera::{lh, rh};
 use glam::{Mat4, Quat, Vec2, Vec3};
 
@@ -104,7 +107,7 @@ fn halves(pixels: &chiaro::Pixels) -> Vec<f32> {
     let channels = pixels.channels();
     let channel = |i: usize| match &channels[i] {
         Samples::Float(values) => values,
-        whole => panic!("{whole:?}"),
+        whole @ Samples::Whole(_) => panic!("{whole:?}"),
     };
     (0..channel(0).len()).flat_map(|texel| [0, 1, 2, 3].map(|i| channel(i)[texel])).collect()
 }
@@ -278,7 +281,6 @@ fn a_host_s_camera_shows_what_chiaro_s_own_shows() {
     let world = rh::view::look_at_mat4(Vec3::new(1.0, 2.0, 5.0), Vec3::new(0.0, 0.4, 0.0), Vec3::Y);
     // The same camera with +Z forwards.
     let ahead = Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0));
-    use rh::proj::directx as right;
     let perspective = [
         (world, right::perspective(0.8, aspect, 0.1, 50.0), Depth::Standard),
         (world, right::perspective_infinite(0.8, aspect, 0.1), Depth::Standard),
@@ -357,6 +359,35 @@ fn what_moves_and_how_it_is_lit_is_the_host_s() {
         floor(&blue),
         floor(&white)
     );
+}
+
+#[test]
+fn a_technique_alone_is_text_for_any_group_and_says_what_it_cannot_do() {
+    let gpu = device();
+    let mut shadows = Shadows::new(&gpu, ShadowSettings::default()).unwrap();
+    for group in [0, 3] {
+        let text = shadows.wgsl(group);
+        assert_eq!(text.matches("@group(").count(), text.matches(&format!("@group({group})")).count());
+        assert!(text.contains("fn chiaro_light_visibility(light: u32, position_ws: vec3f"), "{text}");
+        assert!(!text.contains("override ") && !text.contains("@fragment"), "{text}");
+    }
+    // Four cascades, a spot's map, a cube.
+    let light = |kind| {
+        let light = Light { name: String::new(), kind, color: Vec3::ONE, intensity: 1.0, range_m: None };
+        (light, glam::Affine3A::from_translation(Vec3::Y))
+    };
+    let spot = LightKind::Spot { inner_rad: 0.3, outer_rad: 0.5 };
+    let lights = [LightKind::Directional, spot, LightKind::Point].map(light);
+    shadows.fit(&lights, (&camera(), SIZE), (Vec3::NEG_ONE, Vec3::ONE));
+    assert_eq!(shadows.maps().count(), 4 + 1 + 6);
+    assert!(shadows.maps().all(|map| map.clip_from_world.is_finite()));
+    let moments = ShadowSettings {
+        representation: Representation::Variance,
+        filter: Filter::Gaussian,
+        ..ShadowSettings::default()
+    };
+    let error = Shadows::new(&gpu, moments).unwrap_err().to_string();
+    assert!(error.contains("shadow.representation = depth only"), "{error}");
 }
 
 #[test]
