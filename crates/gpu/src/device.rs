@@ -128,12 +128,14 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// Features that a device handed to [`Gpu::from_device`] must have.
+    /// Features that a device handed to [`Gpu::adopt`] must have: none. [`OptionalFeatures::all_flags`] are used where it
+    /// has them.
     pub fn required_features() -> wgpu::Features {
         wgpu::Features::empty()
     }
 
-    /// Limits that a device handed to [`Gpu::from_device`] must have: those WebGPU guarantees.
+    /// Limits that a device handed to [`Gpu::adopt`] must have: those WebGPU guarantees. Larger buffers and textures are
+    /// used where it has them.
     pub fn required_limits() -> wgpu::Limits {
         wgpu::Limits::default()
     }
@@ -194,10 +196,7 @@ impl Gpu {
                 required_limits.max_texture_array_layers = has.max_texture_array_layers;
             }
         }
-        let mut missing = Vec::new();
-        required_limits.check_limits_with_fail_fn(&adapter.limits(), false, |name, needed, has| {
-            missing.push(format!("{name} = {needed} (it has {has})"));
-        });
+        let missing = missing_limits(&required_limits, &adapter.limits());
         if !missing.is_empty() {
             return Err(GpuError::Missing { adapter: info.name, what: missing.join(", ") });
         }
@@ -210,43 +209,72 @@ impl Gpu {
             })
             .await
             .map_err(|e| GpuError::NoDevice { adapter: info.name.clone(), reason: e.to_string() })?;
-        let samples = sample_counts(&device, adapter);
-        let offers_pipeline_cache = adapter.features().contains(wgpu::Features::PIPELINE_CACHE);
-        Ok(Self { offers_pipeline_cache, samples, ..Self::from_device(device, queue, info) })
+        let gpu = Self::with(adapter, device, queue);
+        gpu.hear();
+        Ok(gpu)
     }
 
-    /// Uses a host program's device. Its uncaptured-error handler is replaced: ask [`Gpu::check`] instead. Samples per pixel
-    /// are those that every device has.
-    pub fn from_device(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Self {
-        let problems = Arc::new(Mutex::new(Vec::new()));
-        let sink = problems.clone();
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+    /// Uses a host program's device, with whatever features and limits beyond the required ones it was made with.
+    ///
+    /// The device's handlers stay the host's: its uncaptured-error handler and its device-lost callback hear what they
+    /// would hear without chiaro, and [`Gpu::check`] has nothing to tell. Errors of chiaro's own shaders and pipelines are
+    /// returned by what compiles them.
+    ///
+    /// # Errors
+    /// [`GpuError::Missing`], which names every feature and limit that the device lacks.
+    pub fn adopt(
+        adapter: &wgpu::Adapter,
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+    ) -> Result<Self, GpuError> {
+        let limits = device.limits();
+        let mut required = Self::required_limits();
+        if limits.max_buffers_and_acceleration_structures_per_shader_stage == 0 {
+            // Strict about WebGPU: there are no limits of wgpu's own.
+            required.zero_native_only();
+        }
+        let features = Self::required_features() - device.features();
+        let mut missing: Vec<_> =
+            features.iter_names().map(|(name, _)| format!("the feature {name}")).collect();
+        missing.extend(missing_limits(&required, &limits));
+        if !missing.is_empty() {
+            let adapter = format!("the device on {}", adapter.get_info().name);
+            return Err(GpuError::Missing { adapter, what: missing.join(", ") });
+        }
+        Ok(Self::with(adapter, device, queue))
+    }
+
+    fn with(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        Self {
+            info: adapter.get_info(),
+            optional: OptionalFeatures::from_flags(device.features()),
+            limits: device.limits(),
+            offers_pipeline_cache: adapter.features().contains(wgpu::Features::PIPELINE_CACHE),
+            created: Arc::default(),
+            samples: sample_counts(&device, adapter),
+            problems: Arc::default(),
+            device,
+            queue,
+        }
+    }
+
+    /// Takes down what the device reports, for [`Gpu::check`].
+    fn hear(&self) {
+        let sink = self.problems.clone();
+        self.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             push(&sink, GpuError::Device(error.to_string()));
         }));
-        let sink = problems.clone();
-        device.set_device_lost_callback(move |reason, message| {
+        let sink = self.problems.clone();
+        self.device.set_device_lost_callback(move |reason, message| {
             // A device that its owner dropped is no news.
             if reason != wgpu::DeviceLostReason::Destroyed {
                 push(&sink, GpuError::DeviceLost(message));
             }
         });
-        let optional = OptionalFeatures::from_flags(device.features());
-        let limits = device.limits();
-        let offers_pipeline_cache = device.features().contains(wgpu::Features::PIPELINE_CACHE);
-        Self {
-            device,
-            queue,
-            info,
-            optional,
-            limits,
-            offers_pipeline_cache,
-            created: Arc::default(),
-            samples: GUARANTEED_SAMPLES.into(),
-            problems,
-        }
     }
 
-    /// The first error that wgpu reported since the last call; a lost device comes before what follows from it.
+    /// The first error that wgpu reported since the last call; a lost device comes before what follows from it. Of an
+    /// adopted device nothing: its host hears of errors.
     ///
     /// # Errors
     /// That error.
@@ -295,6 +323,15 @@ fn sample_counts(device: &wgpu::Device, adapter: &wgpu::Adapter) -> Arc<[u32]> {
         .map(|format| adapter.get_texture_format_features(format).flags);
     let both = |count: &u32| color.sample_count_supported(*count) && depth.sample_count_supported(*count);
     [1, 2, 4, 8].into_iter().filter(both).collect()
+}
+
+/// Every limit of `wanted` that is worse in `present`, with both values.
+fn missing_limits(wanted: &wgpu::Limits, present: &wgpu::Limits) -> Vec<String> {
+    let mut missing = Vec::new();
+    wanted.check_limits_with_fail_fn(present, false, |name, wanted, present| {
+        missing.push(format!("{name} = {wanted} (it has {present})"));
+    });
+    missing
 }
 
 fn push(problems: &Mutex<Vec<GpuError>>, error: GpuError) {

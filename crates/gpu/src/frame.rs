@@ -21,11 +21,38 @@ pub enum Dispatch<'a> {
     Indirect(&'a Buffer, u64),
 }
 
+/// Whose encoder a frame is recorded into.
+#[derive(Debug)]
+enum Encoder<'r> {
+    Own(wgpu::CommandEncoder),
+    Host(&'r mut wgpu::CommandEncoder),
+}
+
+impl std::ops::Deref for Encoder<'_> {
+    type Target = wgpu::CommandEncoder;
+
+    fn deref(&self) -> &wgpu::CommandEncoder {
+        match self {
+            Self::Own(encoder) => encoder,
+            Self::Host(encoder) => encoder,
+        }
+    }
+}
+
+impl std::ops::DerefMut for Encoder<'_> {
+    fn deref_mut(&mut self) -> &mut wgpu::CommandEncoder {
+        match self {
+            Self::Own(encoder) => encoder,
+            Self::Host(encoder) => encoder,
+        }
+    }
+}
+
 /// A frame being recorded.
 #[derive(Debug)]
 pub struct Frame<'r> {
     recorder: &'r mut Recorder,
-    encoder: wgpu::CommandEncoder,
+    encoder: Encoder<'r>,
     id: u64,
 }
 
@@ -34,12 +61,16 @@ impl Recorder {
     pub fn begin(&mut self) -> Frame<'_> {
         let encoder =
             self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
-        self.begin_in(encoder)
+        self.start(Encoder::Own(encoder))
     }
 
-    /// Starts a frame in a host program's encoder. Hand it back to the host with [`Frame::finish`], and call
-    /// [`Recorder::submitted`] after the host submitted it.
-    pub fn begin_in(&mut self, encoder: wgpu::CommandEncoder) -> Frame<'_> {
+    /// Starts a frame in a host program's encoder. [`Frame::submit`] then only ends it: the host submits, and tells a recorder that
+    /// times passes ([`Recorder::submitted`]).
+    pub fn begin_in<'r>(&'r mut self, encoder: &'r mut wgpu::CommandEncoder) -> Frame<'r> {
+        self.start(Encoder::Host(encoder))
+    }
+
+    fn start<'r>(&'r mut self, encoder: Encoder<'r>) -> Frame<'r> {
         self.forget();
         Frame { recorder: self, encoder, id: next_id() }
     }
@@ -131,7 +162,7 @@ impl Frame<'_> {
             }
         }
         if let (Some(profiler), Some(query)) = (&recorder.profiler, query) {
-            profiler.end_query(&mut self.encoder, query);
+            profiler.end_query(&mut *self.encoder, query);
         }
     }
 
@@ -189,26 +220,23 @@ impl Frame<'_> {
             draws(&mut RenderPass { recorder, raw, name });
         }
         if let (Some(profiler), Some(query)) = (&recorder.profiler, query) {
-            profiler.end_query(&mut self.encoder, query);
+            profiler.end_query(&mut *self.encoder, query);
         }
     }
 
-    /// Ends recording and submits.
+    /// Ends recording, and submits a frame that has an encoder of its own; one in a host program's encoder is left to the
+    /// host.
     pub fn submit(mut self) {
         self.close();
-        self.recorder.gpu.queue.submit([self.encoder.finish()]);
-        self.recorder.submitted();
-    }
-
-    /// Ends recording and gives the encoder back to a host program.
-    pub fn finish(mut self) -> wgpu::CommandEncoder {
-        self.close();
-        self.encoder
+        if let Encoder::Own(encoder) = self.encoder {
+            self.recorder.gpu.queue.submit([encoder.finish()]);
+            self.recorder.submitted();
+        }
     }
 
     fn close(&mut self) {
         if let Some(profiler) = &mut self.recorder.profiler {
-            profiler.resolve_queries(&mut self.encoder);
+            profiler.resolve_queries(&mut *self.encoder);
         }
         self.recorder.belt.finish_and_recall_on_submit(&self.encoder);
     }

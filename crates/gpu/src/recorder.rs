@@ -76,7 +76,7 @@ impl Recorder {
         self.groups.retain(|_, group| group.alive.iter().all(|handle| handle.strong_count() > 0));
     }
 
-    /// To be called once the frame's commands were submitted.
+    /// To be called once the host submitted a frame's commands.
     pub fn submitted(&mut self) {
         if let Some(profiler) = &mut self.profiler {
             if let Err(e) = profiler.end_frame() {

@@ -148,6 +148,26 @@ impl Texture {
         }))
     }
 
+    /// A host program's texture as an attachment: one layer's first mip, through a view of the host's in this format.
+    pub fn of_host(name: &'static str, view: &wgpu::TextureView, format: wgpu::TextureFormat) -> Self {
+        let texture = view.texture();
+        let options = TextureOptions::new(texture.width(), texture.height(), format, texture.usage());
+        Self(Arc::new(TextureInner {
+            id: next_id(),
+            alive: Arc::default(),
+            name,
+            life: Life::Frame,
+            options,
+            texture: texture.clone(),
+            view: view.clone(),
+            layer_views: vec![view.clone()],
+            mip_views: Vec::new(),
+            hint: OnceLock::new(),
+            home: OnceLock::new(),
+            pool: None,
+        }))
+    }
+
     /// The same texture, and how to look at it. The first hint counts.
     #[must_use]
     pub fn described(self, hint: ViewHint) -> Self {
@@ -387,7 +407,8 @@ impl<'a> From<&'a wgpu::Sampler> for Binding<'a> {
 }
 
 impl<'a> Binding<'a> {
-    pub(crate) fn resource(self) -> wgpu::BindingResource<'a> {
+    /// As wgpu binds it.
+    pub fn resource(self) -> wgpu::BindingResource<'a> {
         match self {
             Self::Texture(texture) => wgpu::BindingResource::TextureView(texture.view()),
             Self::Mip(texture, mip) => wgpu::BindingResource::TextureView(texture.mip_view(mip)),

@@ -53,6 +53,17 @@ pub enum Error {
         /// Pixels of a side at most.
         most: u32,
     },
+    /// A matrix that is none of a camera.
+    #[error("a view cannot be made of these matrices: {matrix} {problem}")]
+    Matrix {
+        /// `view_from_world` or `clip_from_view`.
+        matrix: &'static str,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+    /// A texture that frames cannot be drawn to.
+    #[error("frames cannot be drawn to this texture: {0}")]
+    Target(String),
     /// A frame leaves nothing of that name that could be read.
     #[error("{problem}; a frame with these settings leaves {known}")]
     Nothing {

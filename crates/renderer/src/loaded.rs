@@ -53,17 +53,8 @@ impl LoadedScene {
     ) -> Self {
         let pose = scene.pose(0.0);
         let (lights, directional) = light_data(scene, &pose);
-        let radiance = illuminance_scale(&lights, gpu.bounds_ws) / std::f32::consts::PI;
-        let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
-        let around = environment.as_ref().map_or(0.0, |map| map.harmonics.mean.max_element());
-        let brightest = radiance.max(glow).max(around);
-        // Without any light 1 nit is as good as anything.
-        let brightest = if brightest > 0.0 { brightest } else { WHITE_STORED };
-        let peak = environment.as_ref().map_or(0.0, |map| map.peak);
-        let white = (PEAK_STORED * brightest / peak.max(1e-30)).clamp(LEAST_WHITE_STORED, WHITE_STORED);
-        let octave = (white / brightest).log2().round().clamp(-60.0, 60.0);
+        let radiance_scale = radiance_scale(&gpu, scene, &lights, environment.as_ref());
         let casters = Casters::new(scene, &pose, &[]);
-        let radiance_scale = octave.exp2();
         Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose }
     }
 
@@ -83,7 +74,7 @@ impl LoadedScene {
     }
 
     /// Moves everything to a pose of the scene that this was loaded from: [`Scene::pose`] at a time, or one of your own
-    /// making, which may have any node, light or camera elsewhere. The next frame shows it, and knows where everything was
+    /// making ([`Pose::set_world`]), which may have any node, light or camera elsewhere. The next frame shows it, and knows where everything was
     /// before. The sky that places see stays that of the scene at rest. A loaded scene starts with the pose at time 0. Where
     /// [`Scene::settle`] has chosen another origin, views must count from it too, as [`View::from_pose`] does.
     ///
@@ -102,4 +93,29 @@ impl LoadedScene {
         (self.lights, self.directional) = light_data(scene, pose);
         self.pose.clone_from(pose);
     }
+
+    /// Takes over how strong, coloured, far-reaching and wide the lights of `scene` are, and of what kind: the scene that
+    /// this was loaded from, with other [`Scene::lights`]. The next frame shows it.
+    pub fn set_lights(&mut self, scene: &Scene) {
+        (self.lights, self.directional) = light_data(scene, &self.pose);
+        self.radiance_scale = radiance_scale(&self.gpu, scene, &self.lights, self.environment.as_ref());
+    }
+}
+
+/// Stored radiance per nit.
+fn radiance_scale(
+    gpu: &SceneGpu,
+    scene: &Scene,
+    lights: &[LightData],
+    environment: Option<&EnvironmentMap>,
+) -> f32 {
+    let radiance = illuminance_scale(lights, gpu.bounds_ws) / std::f32::consts::PI;
+    let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
+    let around = environment.map_or(0.0, |map| map.harmonics.mean.max_element());
+    let brightest = radiance.max(glow).max(around);
+    // Without any light 1 nit is as good as anything.
+    let brightest = if brightest > 0.0 { brightest } else { WHITE_STORED };
+    let peak = environment.map_or(0.0, |map| map.peak);
+    let white = (PEAK_STORED * brightest / peak.max(1e-30)).clamp(LEAST_WHITE_STORED, WHITE_STORED);
+    (white / brightest).log2().round().clamp(-60.0, 60.0).exp2()
 }

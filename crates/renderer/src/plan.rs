@@ -15,8 +15,9 @@ impl LoadedScene {
     /// Uploads a scene; any thread may do it. [`crate::Renderer::plan`] then tells what its materials need compiled.
     ///
     /// # Errors
-    /// When it does not fit the adapter.
+    /// When it does not fit the adapter, or [`Scene::validate`] refuses it.
     pub fn upload(kit: &Kit, scene: &Scene) -> Result<Self, Error> {
+        scene.validate()?;
         let environment = || scene.environment.as_ref().map(|map| environment(kit, map)).transpose();
         let (gpu, (environment, openness)) = parallel::join(
             || SceneGpu::upload(&kit.gpu, &kit.scene_layout, scene),

@@ -170,10 +170,6 @@ impl Renderer {
         &self.kit.frame_layout
     }
 
-    pub(crate) fn passes(&self) -> &Passes {
-        &self.passes
-    }
-
     /// Sentences about what the last still gave up, for the user.
     pub fn notes(&self) -> &[String] {
         self.still_view.as_ref().map_or(&[], ViewState::notes)
@@ -182,7 +178,7 @@ impl Renderer {
     /// Uploads a scene, and compiles what its materials need beyond those of earlier scenes.
     ///
     /// # Errors
-    /// When it does not fit the adapter.
+    /// When it does not fit the adapter, or [`Scene::validate`] refuses it.
     pub fn load(&mut self, scene: &Scene) -> Result<LoadedScene, Error> {
         let loaded = LoadedScene::upload(&self.kit, scene)?;
         let built = self.plan(self.settings.clone(), loaded.gpu.facts)?.build()?;
@@ -321,6 +317,14 @@ impl Prepared<'_> {
             data: [data, data.without_light(data.show_direct)],
         };
         record(&renderer.resolved, &renderer.passes, frame, &inputs, &mut state.rooms)
+    }
+}
+
+impl ViewState {
+    /// A view without any room yet.
+    pub fn new(renderer: &Renderer) -> Self {
+        let table = &renderer.passes.albedo_table.texture;
+        Self::without_room(renderer.gpu(), renderer.frame_layout(), table)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What one view of a scene keeps from frame to frame.
 
-use chiaro_gpu::{Buffer, Group, History};
+use chiaro_gpu::{Buffer, Gpu, Group, GroupLayout, History, Texture};
 use chiaro_techniques::direct::LightRoom;
 use chiaro_techniques::frame::FrameGroup;
 use chiaro_techniques::indirect::SkyView;
@@ -11,10 +11,8 @@ use chiaro_techniques::view::ViewTable;
 use chiaro_techniques::view::culling::ListRoom;
 use glam::DVec3;
 
-use crate::Renderer;
-
 /// Textures, buffers and histories of one view: a window, a still, a mirror. A program that renders several views of its
-/// scenes, in one frame or in turn, has one of these for each, and one [`Renderer`] for all.
+/// scenes, in one frame or in turn, has one of these for each, and one [`Renderer`](crate::Renderer) for all.
 #[derive(Debug)]
 pub struct ViewState {
     pub(crate) frame_group: FrameGroup,
@@ -42,11 +40,9 @@ pub(crate) struct Histories {
 }
 
 impl ViewState {
-    /// A view without any room yet.
-    pub fn new(renderer: &Renderer) -> Self {
-        let (gpu, table) = (renderer.gpu(), &renderer.passes().albedo_table.texture);
+    pub(crate) fn without_room(gpu: &Gpu, frame_layout: &GroupLayout, albedo_table: &Texture) -> Self {
         Self {
-            frame_group: FrameGroup::new(gpu, renderer.frame_layout(), table),
+            frame_group: FrameGroup::new(gpu, frame_layout, albedo_table),
             rooms: Rooms {
                 views: ViewTable::new(gpu),
                 lists: None,
@@ -65,7 +61,7 @@ impl ViewState {
         self.frame_group.group()
     }
 
-    /// Sentences about what the last [`Renderer::prepare`] gave up, for the user.
+    /// Sentences about what the last [`Renderer::prepare`](crate::Renderer::prepare) gave up, for the user.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }

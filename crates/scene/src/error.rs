@@ -43,6 +43,16 @@ pub enum SceneError {
         /// The numbers and names there are, comma-separated.
         known: String,
     },
+    /// A scene that a program built breaks the data model's rules; see [`crate::Scene::validate`].
+    #[error("scene “{scene}”: {place}: {problem}")]
+    Unsound {
+        /// The scene's name.
+        scene: String,
+        /// Where in the scene: `mesh 2 “wheel”, primitive 0`.
+        place: String,
+        /// What is wrong there.
+        problem: String,
+    },
     /// No built-in scene has this name.
     #[error("no built-in scene is called `{name}`; there are: {known}")]
     UnknownBuiltin {

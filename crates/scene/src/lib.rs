@@ -2,7 +2,8 @@
 //!
 //! A [`Scene`] is plain data without any GPU object: meshes, materials, images, lights and cameras under a
 //! node hierarchy. [`load`] reads a file or a built-in scene; everything a file can say is checked there, so that
-//! the rest of chiaro may rely on the invariants that [`model`] states.
+//! the rest of chiaro may rely on the invariants that [`model`] states. [`Scene::validate`] checks a scene that a program
+//! builds itself.
 //!
 //! Conventions: right-handed, Y up, metres; cameras and lights look along their −Z; colours linear Rec. 709;
 //! light is photometric (candela, lux, nits).
@@ -20,6 +21,7 @@ mod mesh;
 pub mod model;
 mod origin;
 mod pose;
+mod validate;
 
 pub use asked::Source;
 pub use error::SceneError;

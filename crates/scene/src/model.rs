@@ -1,6 +1,7 @@
 //! The scene's data model.
 //!
-//! Invariants that import and built-in scenes guarantee and everything downstream relies on:
+//! Invariants that import and built-in scenes guarantee and everything downstream relies on ([`Scene::validate`] checks
+//! those that must hold):
 //! every index is in range, every float is finite, every primitive has at least one triangle, its streams have
 //! equal lengths (or are empty where optional), normals are unit length, and the node graph is a forest. Keyframe
 //! times ascend, and every channel has as many values as its interpolation needs.

@@ -17,6 +17,29 @@ pub struct Pose {
     pub morph_weights: Vec<Vec<f32>>,
 }
 
+impl Pose {
+    /// Stands a node, with all that hangs on it, elsewhere: animated or not, a mesh, a camera or a light. `scene` is the one
+    /// that the pose is of. What hangs on a node squeezed flat is not carried along.
+    ///
+    /// # Panics
+    /// When the scene has no such node.
+    pub fn set_world(&mut self, scene: &Scene, node: Id, world_from_node: Affine3A) {
+        let by = world_from_node * self.world_from_node[node].inverse();
+        self.world_from_node[node] = world_from_node;
+        if !by.is_finite() {
+            return;
+        }
+        let mut carried = vec![false; scene.nodes.len()];
+        carried[node] = true;
+        for (index, child) in scene.nodes.iter().enumerate().skip(node + 1) {
+            if child.parent.is_some_and(|parent| carried[parent]) {
+                carried[index] = true;
+                self.world_from_node[index] = by * self.world_from_node[index];
+            }
+        }
+    }
+}
+
 /// Which property of a node a channel drives.
 fn property(keys: &Keys) -> u8 {
     match keys {
@@ -228,6 +251,21 @@ mod tests {
                 height(vec![channel(Interpolation::Cubic, Keys::Translation(keys.to_vec()))], f64::from(t));
             assert!((y - t * t).abs() < 1e-5, "{y} at {t}");
         }
+    }
+
+    #[test]
+    fn what_hangs_on_a_node_moves_with_it() {
+        let node = |parent, y: f32| Node {
+            parent,
+            parent_from_node: Transform::Matrix(Affine3A::from_translation(y * Vec3::Y)),
+            ..Node::default()
+        };
+        let nodes = vec![node(None, 1.0), node(Some(0), 1.0), node(None, 5.0), node(Some(1), 1.0)];
+        let scene = Scene { nodes, ..Scene::default() };
+        let mut pose = scene.rest();
+        pose.set_world(&scene, 1, Affine3A::from_scale(Vec3::splat(2.0)));
+        let heights: Vec<_> = pose.world_from_node.iter().map(|world| world.translation.y).collect();
+        assert_eq!(heights, [1.0, 0.0, 5.0, 2.0]);
     }
 
     #[test]

@@ -32,6 +32,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("post/debug_view.cs.wesl"),
     shader!("post/exposure.cs.wesl"),
     shader!("post/histogram.cs.wesl"),
+    shader!("post/present.vs.wesl"),
     shader!("post/tone_map.cs.wesl"),
     shader!("reference/bvh/corners.cs.wesl"),
     shader!("reference/bvh/refit.cs.wesl"),
@@ -56,6 +57,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("scene/scene.wesl"),
     shader!("scene/surface.wesl"),
     shader!("scene/texture.wesl"),
+    shader!("shadow/alone.vs.wesl"),
     shader!("shadow/depth.vs.wesl"),
     shader!("shadow/depth_bounds.cs.wesl"),
     shader!("shadow/fit.cs.wesl"),
@@ -119,6 +121,7 @@ pub fn permutations() -> Vec<Permutation> {
         "scene/motion/instances.cs.wesl",
         "post/exposure.cs.wesl",
         "post/histogram.cs.wesl",
+        "post/present.vs.wesl",
         "post/tone_map.cs.wesl",
         "reference/bvh/corners.cs.wesl",
         "reference/bvh/refit.cs.wesl",
@@ -133,7 +136,7 @@ pub fn permutations() -> Vec<Permutation> {
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
     all.extend([Viewed::Multisampled, Viewed::Words].map(|what| debug_view(what, false)));
-    all.extend([background(), photon_trace(), first_hit()]);
+    all.extend([background(), photon_trace(), first_hit(), shadow_alone()]);
     for a in [false, true] {
         all.extend([Viewed::Float, Viewed::Integer].map(|what| debug_view(what, a)));
         all.push(resolve(a, false));
@@ -234,6 +237,11 @@ pub fn accumulate(raw: bool) -> Permutation {
 /// One quantity of surface or light.
 pub fn aov(float_maps: bool) -> Permutation {
     Permutation::plain("post/aov.cs.wesl").flag(FLOAT_MAPS, float_maps)
+}
+
+/// Shadow maps, drawn by the hardware, for other programs.
+pub fn shadow_alone() -> Permutation {
+    Permutation::plain("shadow/alone.vs.wesl").flag(FLOAT_MAPS, false)
 }
 
 /// A shadow view's depth.

@@ -119,6 +119,8 @@ pub fn camera_above(half_height_m: f32) -> View {
         projection: Projection::Orthographic { half_height_m },
         near_m: 0.1,
         far_m: 30.0,
+        aspect: None,
+        axis_ndc: Vec2::ZERO,
     }
 }
 

@@ -50,7 +50,8 @@ pub fn about(
 }
 
 fn camera(view: &View) -> String {
-    let View { world_from_camera, projection, near_m, far_m } = view;
+    // The command line's views are neither shifted nor of an aspect of their own.
+    let View { world_from_camera, projection, near_m, far_m, .. } = view;
     format!("{projection:?}, near {near_m} m, far {far_m} m, world_from_camera {world_from_camera}")
 }
 

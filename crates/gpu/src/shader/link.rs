@@ -92,6 +92,13 @@ impl Library {
     /// # Errors
     /// [`GpuError::Shader`] with the linker's or validator's message and place.
     pub fn link(&self, permutation: &Permutation) -> Result<Linked, GpuError> {
+        let mut unit = self.joined(permutation)?;
+        number_own_bindings(&mut unit);
+        Linked::validate(permutation.label(), unit.to_string(), |line| self.place_of(line, permutation.entry))
+    }
+
+    /// An entry file with all that it imports and uses.
+    pub(super) fn joined(&self, permutation: &Permutation) -> Result<TranslationUnit, GpuError> {
         let fail = |message: String| GpuError::Shader { name: permutation.label(), message };
         let mut resolver = VirtualResolver::new();
         for (path, text) in &self.files {
@@ -105,10 +112,7 @@ impl Library {
             wesl.set_feature(name, *on);
         }
         let root = module_path(permutation.entry).map_err(&fail)?;
-        let mut linked = wesl.compile(&root).map_err(|e| fail(e.to_string()))?;
-        number_own_bindings(&mut linked.syntax);
-        let wgsl = linked.to_string();
-        Linked::validate(permutation.label(), wgsl, |line| self.place_of(line, permutation.entry))
+        Ok(wesl.compile(&root).map_err(|e| fail(e.to_string()))?.syntax)
     }
 
     /// A permutation as the device takes it, linked once for all pipelines that are made of it.

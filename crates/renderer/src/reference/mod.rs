@@ -85,7 +85,8 @@ impl Reference {
     /// the tracers.
     ///
     /// # Errors
-    /// When the scene's trees or the image's light paths do not fit the adapter, or a shader does not compile.
+    /// When the scene's trees or the image's light paths do not fit the adapter, a shader does not compile, or
+    /// [`Scene::validate`] refuses the scene.
     pub fn new(
         kit: &Kit,
         (scene, loaded): (&Scene, &LoadedScene),
@@ -110,6 +111,7 @@ impl Reference {
         (pose, facts): (&Pose, SceneFacts),
         options: ReferenceOptions,
     ) -> Result<Self, Error> {
+        scene.validate()?;
         let gpu = &kit.gpu;
         let traced = TraceData::build(scene, pose).upload(gpu)?;
         let specular = Specular::of(scene);

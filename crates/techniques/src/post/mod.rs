@@ -5,15 +5,18 @@
 //! | sum | Rgba32Float | nits summed over frames; alpha sums how much of the pixel surfaces cover |
 //! | unlit | Rgba32Float | the colour of unlit materials, summed alike: 1 is the display's white |
 //! | picture | Rgba8Unorm | sRGB code values |
+//! | a host program's target | 8-bit RGBA or BGRA, or Rgba16Float | the picture, or nits |
 //!
 //! Exposure is deterministic: a histogram of integer counts, no history.
 
 mod debug_view;
+mod present;
 mod settings;
 
 #[cfg(test)]
 pub(crate) use debug_view::DebugInput;
 pub use debug_view::DebugView;
+pub use present::{Present, Presented};
 pub use settings::{CameraSettings, Curve, Exposure, Show};
 
 use bytemuck::{Pod, Zeroable};
@@ -274,12 +277,7 @@ impl Display {
             exposure_input: uniform::<[u32; 4]>(gpu, "exposure_input"),
             exposure_value: Buffer::new(gpu, "exposure", Life::Kept, 16, storage),
             curve: uniform::<[u32; 4]>(gpu, "tone_map"),
-            no_unlit: Texture::new(
-                gpu,
-                "no_unlit",
-                Life::Kept,
-                TextureOptions::new(1, 1, TextureFormat::Rgba32Float, TextureUsages::TEXTURE_BINDING),
-            ),
+            no_unlit: no_unlit(gpu),
         })
     }
 
@@ -399,6 +397,12 @@ impl AovPass {
         frame.compute("post/aov", &self.pipeline, &[frame_group], &binds, over(sum));
         sum.frames += 1;
     }
+}
+
+/// Black.
+fn no_unlit(gpu: &Gpu) -> Texture {
+    let options = TextureOptions::new(1, 1, TextureFormat::Rgba32Float, TextureUsages::TEXTURE_BINDING);
+    Texture::new(gpu, "no_unlit", Life::Kept, options)
 }
 
 fn plain(gpu: &Gpu, library: &Library, entry: &'static str) -> Result<ComputePipeline, GpuError> {

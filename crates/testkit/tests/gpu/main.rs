@@ -13,6 +13,7 @@ mod extent;
 mod follow;
 mod ggx_sun;
 mod goldens;
+mod host;
 mod light_paths;
 mod lights;
 mod log;
