@@ -4,7 +4,7 @@ use wesl::syntax::{
     Attribute, Declaration, DeclarationKind, Expression, GlobalDeclaration, LiteralExpression,
 };
 
-use super::link::unmangled;
+use super::mangle::unmangled;
 use super::{Library, Linked, Permutation, Reflected};
 use crate::GpuError;
 
@@ -48,7 +48,7 @@ impl Library {
                 next += 1;
             }
         }
-        let linked = Linked::validate(permutation, unit.to_string(), |_| None)?;
+        let linked = Linked::validate(permutation.label(), unit.to_string(), |_| None)?;
         unit.global_declarations.retain(|node| match node.node() {
             GlobalDeclaration::Function(function) => !function.attributes.iter().any(|attribute| {
                 matches!(attribute.node(), Attribute::Vertex | Attribute::Fragment | Attribute::Compute)

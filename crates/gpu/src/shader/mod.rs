@@ -5,11 +5,14 @@
 //! result with naga, so that a mistake is found without a GPU.
 
 mod alone;
+mod compiled;
 mod layout;
 mod link;
+mod mangle;
 mod reflect;
 
 pub use alone::Alone;
+pub(crate) use compiled::Shader;
 pub use layout::{check_layout, struct_layout};
 pub use link::{Library, Permutation};
 pub use reflect::{Linked, Reflected};
