@@ -8,6 +8,7 @@ use chiaro_gpu::{Attachment, Binding, Buffer, DepthAttachment, Draw, Gpu, GpuOpt
 use chiaro_gpu::{Readback, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions};
 use chiaro_gpu::{wgpu, wgpu::BufferUsages, wgpu::TextureFormat, wgpu::TextureUsages};
 use chiaro_techniques::frame::{FrameData, FrameGroup, LightData};
+use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::shadow::{CameraView, FitInputs, Lookup, ShadowOutputs, ShadowSettings, fit};
 use chiaro_techniques::{shaders, shared::albedo_table};
 use glam::{Mat4, Vec3, camera};
@@ -76,7 +77,7 @@ fn picture(gpu: &Gpu, [width, height]: [u32; 2]) -> Result<chiaro_image::Picture
         )
     };
     let cast = pipeline("posts/depth.vs.wesl", &[], &[])?;
-    let lookup = Lookup::new(&settings).constants(gpu);
+    let lookup = Lookup::new(&settings).constants(gpu, SceneFacts::default());
     let shade = pipeline("posts/shade.vs.wesl", &[TextureFormat::Rgba8UnormSrgb.into()], &lookup)?;
     let target = |name, format, usage| {
         let usage = usage | TextureUsages::RENDER_ATTACHMENT;

@@ -30,6 +30,7 @@ mod reference;
 mod renderer;
 mod settings;
 mod still;
+mod trees;
 mod view;
 mod view_state;
 
@@ -52,5 +53,6 @@ pub use reference::{FirstHit, Integrator, Reference, ReferenceOptions};
 pub use renderer::{Prepared, Renderer};
 pub use settings::{Pipeline, Settings};
 pub use still::{Jitter, Still, StillOptions};
+pub use trees::Trees;
 pub use view::{Lookout, View};
 pub use view_state::ViewState;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 const FLOORS: [&[&str]; 6] = [
     &["frame"],
     &["shared", "scene"],
-    &["view", "light"],
+    &["view", "light", "rays"],
     &["environment", "shadow", "indirect", "caustics"],
     &["direct", "transparency", "reference"],
     &["post"],

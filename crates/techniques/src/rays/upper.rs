@@ -4,12 +4,13 @@ use chiaro_scene as cs;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 
-use super::gather::{NO_INSTANCE, inverse_rows, moved, padded};
-use super::tree::{self, EMPTY, NODE, UPPER_DEPTH};
-use super::{TRIANGLES, Word};
+use super::tree::{self, EMPTY, NODE, UPPER_DEPTH, Word};
+use super::triangle::{NO_INSTANCE, inverse_rows, moved, padded};
 use crate::scene::instance_data;
 use crate::scene::motion::Mover;
 
+/// Of the root: its tree's leaves hold triangles.
+const TRIANGLES: u32 = 1 << 31;
 /// Words of an instance.
 const INSTANCE: usize = 4;
 
