@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use chiaro::scene::{AlphaMode, Filter, LightKind, Material, Scene, Wrap};
-use chiaro::{Error, Renderer, Settings, StillOptions, View};
+use chiaro::{Error, Renderer, Settings, StillOptions};
 use chiaro_testkit::{Exact, Stage, Studio, camera_above, device, direct, nmae, place_below};
 use glam::{Affine3A, Mat4, Quat, Vec3};
 
@@ -188,7 +188,7 @@ fn a_node_that_a_program_moves_takes_its_shadow_along_and_asks_for_new_trees() {
     assert!(!loaded.trees_are_due());
     loaded.set_pose(&stage.scene, &pose);
     let mut moved = stage.scene.clone();
-    moved.nodes[caster].transform.translation += Vec3::new(-0.4, 0.1, 0.2);
+    moved.nodes[caster].parent_from_node.translation += Vec3::new(-0.4, 0.1, 0.2);
     let check = |studio: &mut Studio, loaded: &chiaro::LoadedScene| {
         let image = studio.radiance(loaded, &camera_above(HALF), [SIDE; 2], 1);
         let wrong = wrong(&image, &moved, (0.0, 1), 0.01);
