@@ -7,6 +7,7 @@ mod bench;
 mod diff;
 mod info;
 mod left;
+mod measure;
 mod output;
 mod reference;
 mod render;

@@ -59,3 +59,19 @@ pub enum GpuError {
         advice: &'static str,
     },
 }
+
+/// What `make` makes, or the validation error that it caused: error scopes belong to a thread, and pipelines are made on
+/// many, where the caller's scope does not reach.
+pub(crate) fn caught<T>(device: &wgpu::Device, make: impl FnOnce() -> T) -> Result<T, GpuError> {
+    // A browser tells errors later than anyone here could wait for.
+    if cfg!(target_arch = "wasm32") {
+        return Ok(make());
+    }
+    let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
+    let made = make();
+    let mut context = std::task::Context::from_waker(std::task::Waker::noop());
+    match std::pin::pin!(scope.pop()).poll(&mut context) {
+        std::task::Poll::Ready(Some(error)) => Err(GpuError::Device(error.to_string())),
+        _ => Ok(made),
+    }
+}

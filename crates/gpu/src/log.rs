@@ -4,67 +4,9 @@
 //! dropped goes back to its pool at once.
 
 use std::fmt;
-use std::sync::Weak;
 
-use crate::resource::{Binding, BufferInner, TextureInner};
-use crate::{Buffer, Texture};
-
-/// How values become colours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mapping {
-    /// Nits, exposed like the picture.
-    Exposed,
-    /// Linear colours, 0..1.
-    Color,
-    /// −1..1 around grey, such as normals.
-    Signed,
-    /// A distance: white is near, half as bright at 1.
-    Distance,
-    /// Reversed depth of a camera: white is near.
-    Depth,
-    /// A colour for each whole number, black for 0.
-    Number,
-    /// Depth of shadow views, one a layer: white is near the light.
-    ShadowDepth,
-    /// 0..1 from black over blue, red and yellow to white.
-    Heat,
-    /// Any number around grey: x / (1 + |x|).
-    Range,
-}
-
-/// What values are multiplied by before they are mapped.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Scale {
-    /// This.
-    By(f32),
-    /// This over the scene's size in metres.
-    OfScene(f32),
-    /// What makes nits of stored radiance.
-    Nits,
-}
-
-/// How to look at a resource, declared beside where it is made.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ViewHint {
-    /// What its values and colours mean.
-    pub about: &'static str,
-    /// How values become colours.
-    pub mapping: Mapping,
-    /// What they are multiplied by before.
-    pub scale: Scale,
-}
-
-impl ViewHint {
-    /// Values as they are.
-    pub const fn new(about: &'static str, mapping: Mapping) -> Self {
-        Self::scaled(about, mapping, Scale::By(1.0))
-    }
-
-    /// The same with a scale.
-    pub const fn scaled(about: &'static str, mapping: Mapping, scale: Scale) -> Self {
-        Self { about, mapping, scale }
-    }
-}
+use crate::handle::{Bound, Handle};
+use crate::hint::{Mapping, ViewHint};
 
 /// A resource's name in a frame: `technique/name`, and `technique/name.2` for the second that has the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -81,25 +23,6 @@ impl fmt::Display for ResourceName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}", self.technique, self.name)?;
         if self.number > 1 { write!(f, ".{}", self.number) } else { Ok(()) }
-    }
-}
-
-/// A texture or a buffer.
-#[derive(Clone, Debug)]
-pub enum Handle {
-    /// A texture.
-    Texture(Texture),
-    /// A buffer.
-    Buffer(Buffer),
-}
-
-impl Handle {
-    pub(crate) fn of(binding: Binding<'_>) -> Option<Self> {
-        match binding {
-            Binding::Texture(texture) | Binding::Mip(texture, _) => Some(Self::Texture(texture.clone())),
-            Binding::Buffer(buffer) | Binding::BufferRange(buffer, ..) => Some(Self::Buffer(buffer.clone())),
-            Binding::Sampler(_) => None,
-        }
     }
 }
 
@@ -156,67 +79,6 @@ fn by_format(format: wgpu::TextureFormat) -> ViewHint {
             ViewHint::new("Values from 0 to 1", Mapping::Color)
         }
         _ => ViewHint::new("Any numbers: grey is 0, white infinity", Mapping::Range),
-    }
-}
-
-/// A handle that keeps nothing alive.
-#[derive(Clone, Debug)]
-pub(crate) enum WeakHandle {
-    Texture(Weak<TextureInner>),
-    Buffer(Weak<BufferInner>),
-}
-
-impl WeakHandle {
-    fn upgrade(&self) -> Option<Handle> {
-        Some(match self {
-            Self::Texture(texture) => Handle::Texture(Texture::from_inner(texture.upgrade()?)),
-            Self::Buffer(buffer) => Handle::Buffer(Buffer::from_inner(buffer.upgrade()?)),
-        })
-    }
-
-    /// The technique that writes it, once one did.
-    fn home(&self) -> Option<&'static str> {
-        match self {
-            Self::Texture(texture) => texture.upgrade()?.home.get().copied(),
-            Self::Buffer(buffer) => buffer.upgrade()?.home.get().copied(),
-        }
-    }
-
-    fn set_home(&self, technique: &'static str) {
-        // The first to write it stays its home.
-        match self {
-            Self::Texture(texture) => _ = texture.upgrade().map(|inner| inner.home.set(technique)),
-            Self::Buffer(buffer) => _ = buffer.upgrade().map(|inner| inner.home.set(technique)),
-        }
-    }
-}
-
-/// What a pass binds, as the log keeps it.
-#[derive(Clone, Debug)]
-pub(crate) struct Bound {
-    pub(crate) id: u64,
-    pub(crate) name: &'static str,
-    pub(crate) life: crate::Life,
-    pub(crate) handle: WeakHandle,
-}
-
-impl Bound {
-    pub(crate) fn of(binding: Binding<'_>) -> Option<Self> {
-        match binding {
-            Binding::Texture(texture) | Binding::Mip(texture, _) => Some(Self::texture(texture)),
-            Binding::Buffer(buffer) | Binding::BufferRange(buffer, ..) => Some(Self {
-                id: buffer.id(),
-                name: buffer.name(),
-                life: buffer.life(),
-                handle: WeakHandle::Buffer(buffer.weak()),
-            }),
-            Binding::Sampler(_) => None,
-        }
-    }
-
-    pub(crate) fn texture(texture: &Texture) -> Self {
-        let handle = WeakHandle::Texture(texture.weak());
-        Self { id: texture.id(), name: texture.name(), life: texture.life(), handle }
     }
 }
 

@@ -2,74 +2,11 @@
 
 use std::sync::Arc;
 
+use crate::Gpu;
+use crate::error::{GpuError, caught};
+use crate::group::{FIRST_OWN_GROUP, GroupLayout};
 use crate::resource::next_id;
-use crate::shader::{Library, Linked, Permutation, Reflected};
-use crate::{Gpu, GpuError, GroupLayout};
-
-/// A linked shader on the device.
-#[derive(Debug)]
-pub(crate) struct Shader {
-    label: String,
-    bindings: Vec<Reflected>,
-    workgroup: [u32; 3],
-    entry_points: Vec<(naga::ShaderStage, String)>,
-    // Pipeline-overridable constants: their names and what linking made of them.
-    constants: Vec<(String, String)>,
-    module: wgpu::ShaderModule,
-}
-
-impl Shader {
-    /// Reads what it binds, and gives it to the device.
-    pub(crate) fn new(gpu: &Gpu, linked: &Linked) -> Result<Self, GpuError> {
-        let module = caught(gpu, || {
-            gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(&linked.label),
-                source: wgpu::ShaderSource::Wgsl(linked.wgsl.as_str().into()),
-            })
-        })?;
-        Ok(Self {
-            label: linked.label.clone(),
-            bindings: linked.bindings()?,
-            workgroup: linked.workgroup_size(),
-            entry_points: linked.entry_points(),
-            constants: linked.constants(),
-            module,
-        })
-    }
-
-    fn entry_point(&self, stage: naga::ShaderStage) -> Option<&str> {
-        self.entry_points.iter().find(|(of, _)| *of == stage).map(|(_, name)| name.as_str())
-    }
-
-    /// Values of constants under their linked names.
-    fn constants(&self, constants: &[(&str, f64)]) -> Result<Vec<(&str, f64)>, GpuError> {
-        let find = |&(name, value): &(&str, f64)| {
-            let known = self.constants.iter().find(|(own, _)| own == name);
-            let (_, linked) = known.ok_or_else(|| GpuError::Shader {
-                name: self.label.clone(),
-                message: format!("there is no pipeline-overridable constant {name}"),
-            })?;
-            Ok((linked.as_str(), value))
-        };
-        constants.iter().map(find).collect()
-    }
-}
-
-/// What `make` makes, or the validation error that it caused: error scopes belong to a thread, and pipelines are made on
-/// many, where the caller's scope does not reach.
-fn caught<T>(gpu: &Gpu, make: impl FnOnce() -> T) -> Result<T, GpuError> {
-    // A browser tells errors later than anyone here could wait for.
-    if cfg!(target_arch = "wasm32") {
-        return Ok(make());
-    }
-    let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
-    let made = make();
-    let mut context = std::task::Context::from_waker(std::task::Waker::noop());
-    match std::pin::pin!(scope.pop()).poll(&mut context) {
-        std::task::Poll::Ready(Some(error)) => Err(GpuError::Device(error.to_string())),
-        _ => Ok(made),
-    }
-}
+use crate::shader::{Library, Permutation, Reflected, Shader};
 
 /// A pipeline's bindings: which shared groups it uses, and what fills its own groups 2 (inputs) and 3 (outputs).
 #[derive(Debug)]
@@ -80,9 +17,6 @@ pub(crate) struct Interface {
     pub(crate) layouts: [Option<(u64, wgpu::BindGroupLayout)>; 2],
     pub(crate) workgroup: [u32; 3],
 }
-
-/// First group that belongs to the pass itself.
-pub(crate) const FIRST_OWN_GROUP: u32 = 2;
 
 impl Interface {
     /// Reads the interface and makes the pipeline layout.
@@ -149,42 +83,6 @@ fn group_layout(gpu: &Gpu, bindings: &[Reflected]) -> (u64, wgpu::BindGroupLayou
     (next_id(), gpu.device.create_bind_group_layout(&descriptor))
 }
 
-impl GroupLayout {
-    /// Holds a shader's use of a shared binding against the declaration.
-    ///
-    /// # Errors
-    /// A sentence that says what differs.
-    pub fn check(&self, used: &Reflected) -> Result<(), String> {
-        let declared = self.entries.get(used.binding as usize);
-        let Some((name, entry)) = declared else {
-            return Err(format!(
-                "{} is binding {} of group {}, which ends before",
-                used.name, used.binding, self.index
-            ));
-        };
-        let same_type = match (entry.ty, used.ty) {
-            // A texture that a shader only loads from may be declared filterable.
-            (
-                wgpu::BindingType::Texture { view_dimension: a, multisampled: ma, sample_type: sa },
-                wgpu::BindingType::Texture { view_dimension: b, multisampled: mb, sample_type: sb },
-            ) => {
-                let float = |s| matches!(s, wgpu::TextureSampleType::Float { .. });
-                a == b
-                    && ma == mb
-                    && (sa == sb || (float(sa) && sb == wgpu::TextureSampleType::Float { filterable: false }))
-            }
-            (a, b) => a == b,
-        };
-        if *name != used.name || !same_type || !entry.visibility.contains(used.visibility) {
-            return Err(format!(
-                "group {} binding {} is declared {name}: {:?} for {:?}, but the shader has {}: {:?} for {:?}",
-                self.index, used.binding, entry.ty, entry.visibility, used.name, used.ty, used.visibility
-            ));
-        }
-        Ok(())
-    }
-}
-
 /// A compute pipeline made from one `.cs.wesl` file.
 #[derive(Clone, Debug)]
 pub struct ComputePipeline {
@@ -208,7 +106,7 @@ impl ComputePipeline {
         let constants = &shader.constants(constants)?;
         gpu.created.add_pipeline();
         let (interface, layout) = Interface::new(gpu, &shader, shared)?;
-        let raw = caught(gpu, || {
+        let raw = caught(&gpu.device, || {
             gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(&shader.label),
                 layout: Some(&layout),
@@ -317,7 +215,7 @@ impl RenderPipeline {
             multiview_mask: None,
             cache: None,
         };
-        let raw = caught(gpu, || gpu.device.create_render_pipeline(&descriptor))?;
+        let raw = caught(&gpu.device, || gpu.device.create_render_pipeline(&descriptor))?;
         Ok(Self { raw, interface: Arc::new(interface) })
     }
 }

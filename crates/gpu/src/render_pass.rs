@@ -1,9 +1,8 @@
 //! Render passes: where they draw, and what.
 
-use crate::frame::{Bind, Recorder};
-use crate::pipeline::FIRST_OWN_GROUP;
-use crate::resource::{Group, Texture};
-use crate::{Buffer, RenderPipeline};
+use crate::group::{FIRST_OWN_GROUP, Group};
+use crate::recorder::{Bind, Recorder};
+use crate::{Buffer, RenderPipeline, Texture};
 
 /// What to draw.
 #[derive(Clone, Copy, Debug)]

@@ -1,4 +1,4 @@
-//! Textures, buffers and bind groups with an identity.
+//! Textures and buffers with an identity.
 //!
 //! wgpu's own handles have no comparable identity across clones that a cache could use cheaply, so each handle here
 //! carries a number. A bind group is then known by its layout and the numbers in it, made once and found again.
@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use crate::Gpu;
-use crate::log::{Bound, Handle, ViewHint};
+use crate::hint::ViewHint;
 
 static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 
@@ -421,76 +421,4 @@ impl<'a> Binding<'a> {
             Self::Sampler(_) => None,
         }
     }
-}
-
-/// The layout of a bind group that many pipelines share (0 the frame, 1 the scene): entries by WESL name.
-#[derive(Clone, Debug)]
-pub struct GroupLayout {
-    pub(crate) index: u32,
-    pub(crate) entries: Arc<Vec<(&'static str, wgpu::BindGroupLayoutEntry)>>,
-    pub(crate) layout: wgpu::BindGroupLayout,
-}
-
-impl GroupLayout {
-    /// Declares group `index`; bindings are numbered in order.
-    pub fn new(
-        gpu: &Gpu,
-        index: u32,
-        entries: &[(&'static str, wgpu::ShaderStages, wgpu::BindingType)],
-    ) -> Self {
-        let entries: Vec<_> = (0u32..)
-            .zip(entries)
-            .map(|(binding, &(name, visibility, ty))| {
-                (name, wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None })
-            })
-            .collect();
-        let plain: Vec<_> = entries.iter().map(|(_, entry)| *entry).collect();
-        let layout = gpu
-            .device
-            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &plain });
-        Self { index, entries: Arc::new(entries), layout }
-    }
-
-    /// How many bindings it declares.
-    pub fn binding_count(&self) -> usize {
-        self.entries.len()
-    }
-
-    /// Fills the group; `bindings` in the order of the declaration.
-    ///
-    /// # Panics
-    /// When the numbers of entries and bindings differ.
-    pub fn group(&self, gpu: &Gpu, bindings: &[Binding<'_>]) -> Group {
-        assert_eq!(
-            bindings.len(),
-            self.entries.len(),
-            "group {} filled with another number of bindings",
-            self.index
-        );
-        gpu.created.add();
-        let entries: Vec<_> = (0u32..)
-            .zip(bindings)
-            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.resource() })
-            .collect();
-        let raw = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &self.layout,
-            entries: &entries,
-        });
-        let reads = self.entries.iter().zip(bindings);
-        let reads = reads.filter_map(|((name, _), b)| Some((*name, Bound::of(*b)?))).collect();
-        let held = bindings.iter().filter_map(|binding| Handle::of(*binding)).collect();
-        Group { index: self.index, raw, reads, held }
-    }
-}
-
-/// A filled shared bind group.
-#[derive(Clone, Debug)]
-pub struct Group {
-    pub(crate) index: u32,
-    pub(crate) raw: wgpu::BindGroup,
-    pub(crate) reads: Vec<(&'static str, Bound)>,
-    // What nobody else holds is kept by the bind group, and can be looked at as long.
-    #[expect(dead_code, reason = "held")]
-    held: Vec<Handle>,
 }

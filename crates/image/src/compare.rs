@@ -6,7 +6,7 @@ use std::thread;
 use serde::Serialize;
 
 use crate::filter::{Plane, convolve, gaussian};
-use crate::{Heat, Image, ImageError, Picture, colour, flip, hdr_flip, heat, ssim};
+use crate::{Image, ImageError, colour, flip, hdr_flip, ssim};
 
 /// What to measure: parts of the light, parts of the image, at which scale.
 #[derive(Debug, Clone, Copy, Default)]
@@ -189,12 +189,6 @@ impl Comparison {
             flip,
             hdr_flip,
         }
-    }
-
-    /// One figure of every pixel in false colours over a labelled scale that is the same for all comparisons. Masked
-    /// pixels are grey, pixels where A is not finite green.
-    pub fn heat_map(&self, heat: Heat) -> Picture {
-        heat::draw(self, heat)
     }
 
     /// PSNR, mean SSIM and mean FLIP of what a screen shows.

@@ -13,8 +13,8 @@ use exr::prelude::{
     f16,
 };
 
-use crate::file::write_bytes;
 use crate::linear::MAX_PIXELS;
+use crate::write::write_bytes;
 use crate::{Image, ImageError, Region};
 
 /// How many bits an EXR spends on a value.

@@ -75,44 +75,48 @@ const RAMP: [[u8; 3]; 7] = [
 const GLYPH: (u32, u32) = (5, 7);
 const ADVANCE: u32 = 6;
 
-pub(crate) fn draw(comparison: &Comparison, heat: Heat) -> Picture {
-    let (width, height) = (comparison.width as u32, comparison.height as u32);
-    let full_width = width.max(LEAST_WIDTH);
-    let bar_top = height + MARGIN;
-    let label_top = bar_top + BAR_HEIGHT + TICK + 2;
-    let mut picture = Picture::black(full_width, label_top + GLYPH.1 + MARGIN);
-    for (index, position) in heat.positions(comparison).into_iter().enumerate() {
-        let colour = if !comparison.keep[index] {
-            MASKED
-        } else if comparison.bad[index] {
-            NOT_FINITE
-        } else {
-            ramp(position)
-        };
-        picture.set(index as u32 % width, index as u32 / width, colour);
-    }
+impl Comparison {
+    /// One figure of every pixel in false colours over a labelled scale that is the same for all comparisons. Masked
+    /// pixels are grey, pixels where A is not finite green.
+    pub fn heat_map(&self, heat: Heat) -> Picture {
+        let (width, height) = (self.width as u32, self.height as u32);
+        let full_width = width.max(LEAST_WIDTH);
+        let bar_top = height + MARGIN;
+        let label_top = bar_top + BAR_HEIGHT + TICK + 2;
+        let mut picture = Picture::black(full_width, label_top + GLYPH.1 + MARGIN);
+        for (index, position) in heat.positions(self).into_iter().enumerate() {
+            let colour = if !self.keep[index] {
+                MASKED
+            } else if self.bad[index] {
+                NOT_FINITE
+            } else {
+                ramp(position)
+            };
+            picture.set(index as u32 % width, index as u32 / width, colour);
+        }
 
-    let bar = full_width - 2 * MARGIN;
-    for x in 0..bar {
-        let colour = ramp(x as f64 / (bar - 1) as f64);
-        for y in 0..BAR_HEIGHT {
-            picture.set(MARGIN + x, bar_top + y, colour);
+        let bar = full_width - 2 * MARGIN;
+        for x in 0..bar {
+            let colour = ramp(x as f64 / (bar - 1) as f64);
+            for y in 0..BAR_HEIGHT {
+                picture.set(MARGIN + x, bar_top + y, colour);
+            }
+            // A frame, for the dark end would otherwise vanish in the background.
+            picture.set(MARGIN + x, bar_top - 1, INK);
+            picture.set(MARGIN + x, bar_top + BAR_HEIGHT, INK);
         }
-        // A frame, for the dark end would otherwise vanish in the background.
-        picture.set(MARGIN + x, bar_top - 1, INK);
-        picture.set(MARGIN + x, bar_top + BAR_HEIGHT, INK);
-    }
-    let labels = heat.labels();
-    for (index, label) in labels.iter().enumerate() {
-        let x = MARGIN + (bar - 1) * index as u32 / (labels.len() as u32 - 1);
-        for y in bar_top..bar_top + BAR_HEIGHT + TICK {
-            picture.set(x, y, INK);
+        let labels = heat.labels();
+        for (index, label) in labels.iter().enumerate() {
+            let x = MARGIN + (bar - 1) * index as u32 / (labels.len() as u32 - 1);
+            for y in bar_top..bar_top + BAR_HEIGHT + TICK {
+                picture.set(x, y, INK);
+            }
+            let length = ADVANCE * label.len() as u32 - 1;
+            let start = (x.saturating_sub(length / 2)).clamp(MARGIN, full_width - MARGIN - length);
+            write(&mut picture, start, label_top, label);
         }
-        let length = ADVANCE * label.len() as u32 - 1;
-        let start = (x.saturating_sub(length / 2)).clamp(MARGIN, full_width - MARGIN - length);
-        write(&mut picture, start, label_top, label);
+        picture
     }
-    picture
 }
 
 /// Where a relative error is on the scale.

@@ -13,7 +13,7 @@ use exr::prelude::{
 };
 
 use crate::exr_file::{ENCODING, decode_all, is_whole};
-use crate::file::write_bytes;
+use crate::write::write_bytes;
 use crate::{Image, ImageError};
 
 /// The one attribute of the EXR header that holds all of [`Layers::about`], a line each: several would stand in the

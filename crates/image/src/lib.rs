@@ -28,6 +28,7 @@ mod layers;
 mod linear;
 mod picture;
 mod ssim;
+mod write;
 
 pub use compare::{CompareOptions, Comparison, Metrics};
 pub use error::ImageError;

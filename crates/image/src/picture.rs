@@ -7,7 +7,7 @@ use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
 use crate::colour::srgb8_from_linear;
-use crate::file::write_bytes;
+use crate::write::write_bytes;
 use crate::{Image, ImageError};
 
 /// 8-bit sRGB, three bytes a pixel, row after row from the top left.

@@ -7,8 +7,6 @@
 
 use glam::{Affine3A, DVec3, Mat4, Quat, Vec2, Vec3, Vec4};
 
-use crate::Pose;
-
 /// Index into one of [`Scene`]'s tables.
 pub type Id = usize;
 
@@ -544,20 +542,8 @@ impl Scene {
         self.placed_cameras_at(&self.rest())
     }
 
-    /// World pose of every camera that a node places, as (camera, world_from_camera).
-    pub fn placed_cameras_at(&self, pose: &Pose) -> Vec<(Id, Mat4)> {
-        let placed = self.nodes.iter().zip(&pose.world_from_node);
-        placed.filter_map(|(node, m)| node.camera.map(|c| (c, Mat4::from(*m)))).collect()
-    }
-
     /// World pose at rest of every light that a node places, as (light, world_from_light).
     pub fn placed_lights(&self) -> Vec<(Id, Affine3A)> {
         self.placed_lights_at(&self.rest())
-    }
-
-    /// World pose of every light that a node places, as (light, world_from_light).
-    pub fn placed_lights_at(&self, pose: &Pose) -> Vec<(Id, Affine3A)> {
-        let placed = self.nodes.iter().zip(&pose.world_from_node);
-        placed.filter_map(|(node, m)| node.light.map(|l| (l, *m))).collect()
     }
 }

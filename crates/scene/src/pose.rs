@@ -4,7 +4,7 @@
 
 use std::collections::HashSet;
 
-use glam::{Affine3A, Quat, Vec3};
+use glam::{Affine3A, Mat4, Quat, Vec3};
 
 use crate::{Animation, Channel, Id, Interpolation, Keys, Scene, Transform};
 
@@ -85,6 +85,18 @@ impl Scene {
             moving[index] |= node.parent.is_some_and(|parent| moving[parent]);
         }
         moving
+    }
+
+    /// World pose of every camera that a node places, as (camera, world_from_camera).
+    pub fn placed_cameras_at(&self, pose: &Pose) -> Vec<(Id, Mat4)> {
+        let placed = self.nodes.iter().zip(&pose.world_from_node);
+        placed.filter_map(|(node, m)| node.camera.map(|c| (c, Mat4::from(*m)))).collect()
+    }
+
+    /// World pose of every light that a node places, as (light, world_from_light).
+    pub fn placed_lights_at(&self, pose: &Pose) -> Vec<(Id, Affine3A)> {
+        let placed = self.nodes.iter().zip(&pose.world_from_node);
+        placed.filter_map(|(node, m)| node.light.map(|l| (l, *m))).collect()
     }
 
     fn rest_weights(&self) -> Vec<Vec<f32>> {

@@ -32,5 +32,3 @@ pub use kit::{Compiled, Kit, Pass};
 mod budget_tests;
 #[cfg(test)]
 mod layout_tests;
-#[cfg(test)]
-mod room_tests;

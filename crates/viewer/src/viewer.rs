@@ -14,7 +14,9 @@ use crate::camera::FlyCamera;
 use crate::engine::{Engine, Rebuilt};
 use crate::files;
 use crate::jobs::Jobs;
-use crate::panel::{Notices, PanelState};
+use crate::panel::notices::Notices;
+use crate::panel::state::PanelState;
+use crate::panel::style::style;
 use crate::picture::{Picture, Shot, Shows};
 use crate::playback::Playback;
 use crate::reload::ShaderFiles;
@@ -218,7 +220,7 @@ impl Viewer {
     /// Starts compiling and loading; the first frames say so. `format` is that of the canvases to come.
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat, options: Options) -> Self {
         let ctx = egui::Context::default();
-        crate::panel::style(&ctx);
+        style(&ctx);
         let wake = ctx.clone();
         let painter = egui_wgpu::Renderer::new(&gpu.device, format, egui_wgpu::RendererOptions::default());
         let mut jobs = Jobs::new(move || wake.request_repaint());

@@ -12,7 +12,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::args::BenchArgs;
-use crate::bench::{Measured, measure};
+use crate::measure::{Measured, measure};
 use crate::output::print;
 use crate::render;
 use crate::session::{self, Session};

@@ -1,7 +1,7 @@
 //! Rust structs against their WESL twins, by name, offset and size.
 
-use super::Linked;
-use super::link::unmangled;
+use super::mangle::unmangled;
+use super::reflect::Linked;
 
 /// Members of a WGSL struct as (name, byte offset), and its size in bytes.
 pub fn struct_layout(linked: &Linked, name: &str) -> Option<(Vec<(String, usize)>, usize)> {

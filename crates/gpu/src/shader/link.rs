@@ -5,10 +5,12 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use wesl::syntax::{Attribute, Expression, GlobalDeclaration, LiteralExpression, TranslationUnit};
-use wesl::{Feature, Mangler, ModulePath, VirtualResolver, Wesl};
+use wesl::{Feature, ModulePath, VirtualResolver, Wesl};
 
-use super::Linked;
-use crate::pipeline::{FIRST_OWN_GROUP, Shader};
+use super::compiled::Shader;
+use super::mangle::{PathMangler, unmangled};
+use super::reflect::Linked;
+use crate::group::FIRST_OWN_GROUP;
 use crate::{Gpu, GpuError};
 
 /// An entry file with its `@if` flags. Every flag that its imports mention must be listed, on or off: an unknown
@@ -106,7 +108,7 @@ impl Library {
         let mut linked = wesl.compile(&root).map_err(|e| fail(e.to_string()))?;
         number_own_bindings(&mut linked.syntax);
         let wgsl = linked.to_string();
-        Linked::validate(permutation, wgsl, |line| self.place_of(line, permutation.entry))
+        Linked::validate(permutation.label(), wgsl, |line| self.place_of(line, permutation.entry))
     }
 
     /// A permutation as the device takes it, linked once for all pipelines that are made of it.
@@ -179,20 +181,6 @@ fn module_path(file: &str) -> Result<ModulePath, String> {
     let stem = file.strip_suffix(".wesl").ok_or_else(|| format!("{file} does not end in .wesl"))?;
     let path = format!("package::{}", stem.replace('.', "_").replace('/', "::"));
     path.parse().map_err(|e| format!("{path}: {e}"))
-}
-
-/// Names an imported item `item_of_module`: readable in messages, and unique because a path has one spelling.
-struct PathMangler;
-
-impl Mangler for PathMangler {
-    fn mangle(&self, path: &ModulePath, item: &str) -> String {
-        format!("{item}_of_{}", path.components.join("_"))
-    }
-}
-
-/// The item's own name, without the module.
-pub(super) fn unmangled(name: &str) -> &str {
-    name.split_once("_of_").map_or(name, |(item, _)| item)
 }
 
 #[cfg(test)]

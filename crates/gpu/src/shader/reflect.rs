@@ -4,8 +4,7 @@ use std::collections::{BTreeMap, HashSet};
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use super::Permutation;
-use super::link::unmangled;
+use super::mangle::unmangled;
 use crate::GpuError;
 
 /// A validated shader.
@@ -40,11 +39,10 @@ pub struct Reflected {
 impl Linked {
     /// `place` finds where in the modules a line of the linked text comes from.
     pub(super) fn validate(
-        permutation: &Permutation,
+        label: String,
         wgsl: String,
         place: impl Fn(&str) -> Option<String>,
     ) -> Result<Self, GpuError> {
-        let label = permutation.label();
         let fail = |message: String| GpuError::Shader { name: label.clone(), message };
         let fail_at = |message: String, at: Option<naga::SourceLocation>| {
             let line = at.and_then(|at| wgsl.lines().nth(at.line_number.saturating_sub(1) as usize));

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use image::DynamicImage;
 
+use super::files::Files;
 use super::limits::Limits;
+use super::source::scene_name;
 use super::source::{Decoder, read_file};
-use super::{Files, scene_name};
 use crate::builtin::{HeightField, height_field};
 use crate::{Scene, SceneError};
 

@@ -1,4 +1,7 @@
-//! How much one file may expand to.
+//! How much one file may expand to, and how far its numbers may go.
+
+/// Coordinates and scales beyond this (metres) are refused: their squares would leave the range of `f32`.
+pub(super) const MAX_COORDINATE: f32 = 1e12;
 
 /// What a scene file may ask for at most. A few bytes can ask for any number of vertices (an accessor without data, a
 /// mesh that a thousand nodes draw), so the sums are limited; a file that exceeds one is refused with its name.

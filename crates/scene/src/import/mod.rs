@@ -8,6 +8,7 @@ mod gltf;
 mod height_map;
 mod limits;
 mod obj;
+mod options;
 mod reach;
 mod source;
 mod text;
@@ -21,22 +22,8 @@ use std::path::Path;
 pub use self::files::{Disk, Files, Memory};
 pub use self::height_map::HeightMap;
 pub use self::limits::Limits;
+pub use self::options::LoadOptions;
 use crate::{Scene, SceneError, builtin};
-
-/// Coordinates and scales beyond this (metres) are refused: their squares would leave the range of `f32`.
-const MAX_COORDINATE: f32 = 1e12;
-
-/// How a scene is loaded.
-#[derive(Clone, Debug, Default)]
-pub struct LoadOptions {
-    /// Which of the file's scenes: its name, or its number from 0. `None` is the one that the file says, or its first.
-    pub scene: Option<String>,
-    /// Whether a texture or material library that is missing or broken is an error. Else it is a warning that says what
-    /// stands in.
-    pub strict: bool,
-    /// How much the file may expand to.
-    pub limits: Limits,
-}
 
 /// Loads `builtin:NAME`, a `.gltf`/`.glb` or an `.obj` file.
 ///
@@ -57,7 +44,7 @@ pub fn load_with(scene: &str, options: &LoadOptions) -> Result<Scene, SceneError
     let Some(name) = scene.strip_prefix("builtin:") else {
         return load_from(&Disk, Path::new(scene), options);
     };
-    only_scene(Path::new(scene), options)?;
+    options.only_scene(Path::new(scene))?;
     builtin::build(name).ok_or_else(|| SceneError::UnknownBuiltin {
         name: name.to_owned(),
         known: builtin::SCENES.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", "),
@@ -84,21 +71,4 @@ pub fn load_from(files: &dyn Files, path: &Path, options: &LoadOptions) -> Resul
     }?;
     scene.settle(None);
     Ok(scene)
-}
-
-/// Refuses the choice of another scene than the first where there is but one.
-fn only_scene(path: &Path, options: &LoadOptions) -> Result<(), SceneError> {
-    match options.scene.as_deref() {
-        None | Some("0") => Ok(()),
-        Some(name) => Err(SceneError::UnknownScene {
-            path: path.to_owned(),
-            name: name.to_owned(),
-            known: "0".to_owned(),
-        }),
-    }
-}
-
-/// The scene's name: the file's stem.
-fn scene_name(path: &Path) -> String {
-    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }

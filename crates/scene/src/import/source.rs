@@ -12,6 +12,11 @@ use crate::{ImageData, SceneError};
 /// Longest side of an image in pixels: the largest 2D texture that today's GPUs take.
 const MAX_IMAGE_SIDE: u32 = 16_384;
 
+/// The scene's name: the file's stem.
+pub(super) fn scene_name(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
 /// The whole content of a file.
 pub(super) fn read_file(files: &dyn Files, path: &Path) -> Result<Vec<u8>, SceneError> {
     files.read(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })

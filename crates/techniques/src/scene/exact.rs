@@ -6,7 +6,7 @@
 
 use chiaro_scene as cs;
 
-use super::texture::{DECODE, encode};
+use super::srgb::{DECODE, encode};
 
 /// Images of no more texels than this keep them even where they are smooth; larger ones are resampled where no size class
 /// has their size, because filtering in shaders costs eight loads where a sampler takes one.

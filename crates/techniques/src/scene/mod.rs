@@ -7,12 +7,14 @@
 pub mod clusters;
 mod exact;
 mod gpu;
+mod instance;
 pub mod material;
 pub mod motion;
 mod shares;
+mod srgb;
 pub mod texture;
+mod words;
 
-pub use gpu::{
-    CLASSES, InstanceData, ItemData, KINDS, OPAQUE, SEE_THROUGH, SceneFacts, SceneGpu, instance_data,
-};
-pub(crate) use gpu::{Cut, Drawn, bending_instance_data};
+pub use gpu::{CLASSES, ItemData, KINDS, OPAQUE, SEE_THROUGH, SceneFacts, SceneGpu};
+pub(crate) use gpu::{Cut, Drawn};
+pub use instance::{InstanceData, instance_data};

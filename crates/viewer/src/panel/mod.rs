@@ -2,9 +2,12 @@
 
 mod buffers;
 mod help;
+pub(crate) mod notices;
 mod scene;
 mod settings;
+pub(crate) mod state;
 mod status;
+pub(crate) mod style;
 mod timings;
 mod truth;
 
@@ -12,149 +15,9 @@ use chiaro::techniques::post::Show;
 use egui::{Align2, Color32, Key, Sense, Ui, vec2};
 use glam::{Vec2, Vec3};
 
-use crate::buffers::Shown;
 use crate::camera::{FlyCamera, Steering};
-use crate::truth::Compare;
 use crate::viewer::{Eye, Viewer};
-
-/// What the panel remembers.
-#[derive(Debug)]
-pub struct PanelState {
-    pub(crate) shown: bool,
-    pub(crate) help: bool,
-    pub(crate) vsync: bool,
-    pub(crate) fullscreen: bool,
-    /// Frames go on while nothing changes, so that timings do.
-    pub(crate) continuous: bool,
-    pub(crate) grabs_mouse: bool,
-    /// Picture pixels per window pixel.
-    pub(crate) scale: f32,
-    pub(crate) search: String,
-    pub(crate) settings_error: Option<String>,
-    pub(crate) shader_error: Option<String>,
-    pub(crate) shown_buffer: Shown,
-    pub(crate) compare: Compare,
-    /// Where the truth begins, 0..1 of the picture's width.
-    pub(crate) divider: f32,
-    pub(crate) exr: bool,
-    /// What the renderer gave up.
-    pub(crate) notes: Vec<String>,
-    /// Size of the picture that fits the window.
-    pub(crate) picture_px: Option<[u32; 2]>,
-    /// The moment shown was set by hand.
-    pub(crate) scrubbed: bool,
-    dragged: egui::Vec2,
-    scrolled: f32,
-    flies: bool,
-}
-
-impl Default for PanelState {
-    fn default() -> Self {
-        Self {
-            shown: true,
-            help: false,
-            vsync: true,
-            fullscreen: false,
-            continuous: false,
-            grabs_mouse: false,
-            scale: 1.0,
-            search: String::new(),
-            settings_error: None,
-            shader_error: None,
-            shown_buffer: Shown::default(),
-            compare: Compare::Off,
-            divider: 0.5,
-            exr: false,
-            notes: Vec::new(),
-            picture_px: None,
-            scrubbed: false,
-            dragged: egui::Vec2::ZERO,
-            scrolled: 0.0,
-            flies: false,
-        }
-    }
-}
-
-/// Messages over the picture until they are clicked away.
-#[derive(Debug, Default)]
-pub struct Notices(Vec<Notice>);
-
-#[derive(Debug)]
-struct Notice {
-    text: String,
-    is_error: bool,
-}
-
-/// More than this would hide the picture.
-const MAX_NOTICES: usize = 4;
-
-impl Notices {
-    /// Something worth knowing.
-    pub fn tell(&mut self, text: impl Into<String>) {
-        self.push(text.into(), false);
-    }
-
-    /// Something that failed.
-    pub fn fail(&mut self, text: impl Into<String>) {
-        self.push(text.into(), true);
-    }
-
-    /// All of them, oldest first.
-    pub fn texts(&self) -> impl Iterator<Item = &str> {
-        self.0.iter().map(|notice| notice.text.as_str())
-    }
-
-    fn push(&mut self, text: String, is_error: bool) {
-        if self.0.iter().any(|notice| notice.text == text) {
-            return;
-        }
-        if self.0.len() == MAX_NOTICES {
-            self.0.remove(0);
-        }
-        self.0.push(Notice { text, is_error });
-    }
-
-    fn show(&mut self, ui: &Ui, corner: egui::Pos2, width: f32) {
-        if self.0.is_empty() {
-            return;
-        }
-        let area = egui::Area::new(egui::Id::unique("notices")).pivot(Align2::LEFT_TOP).fixed_pos(corner);
-        area.show(ui.ctx(), |ui| {
-            ui.set_max_width(width);
-            self.0.retain(|notice| {
-                let mut keep = true;
-                egui::Frame::popup(ui.style()).show(ui, |ui| {
-                    ui.horizontal(|ui| {
-                        keep = !ui.small_button("×").on_hover_text("Dismiss").clicked();
-                        let color = if notice.is_error { ERROR } else { ui.visuals().text_color() };
-                        let text = egui::RichText::new(&notice.text).color(color);
-                        let text = if notice.text.contains('\n') { text.monospace() } else { text };
-                        ui.add(egui::Label::new(text).wrap());
-                    });
-                });
-                keep
-            });
-        });
-    }
-}
-
-/// Colour of what went wrong.
-pub(crate) const ERROR: Color32 = Color32::from_rgb(255, 120, 100);
-
-/// Dark, dense, and quiet, so that the picture is what one looks at.
-pub fn style(ctx: &egui::Context) {
-    let mut visuals = egui::Visuals::dark();
-    visuals.panel_fill = Color32::from_gray(24);
-    visuals.window_fill = Color32::from_gray(28);
-    ctx.set_visuals(visuals);
-    ctx.all_styles_mut(|style| {
-        style.spacing.item_spacing = vec2(6.0, 4.0);
-        style.spacing.slider_width = 110.0;
-        style.interaction.tooltip_delay = 0.3;
-    });
-    // Ctrl+plus and Ctrl+minus would be surprising where keys fly.
-    ctx.options_mut(|options| options.zoom_with_keyboard = false);
-}
+use style::ERROR;
 
 impl Viewer {
     /// Lays everything out.

@@ -3,7 +3,7 @@
 use chiaro::{Condition, Effect, Field, Kind, Settings};
 use egui::{CollapsingHeader, ComboBox, Grid, RichText, Slider, TextEdit, Ui};
 
-use crate::panel::ERROR;
+use super::style::ERROR;
 use crate::viewer::Viewer;
 
 /// From this ratio of its ends on a slider is logarithmic.

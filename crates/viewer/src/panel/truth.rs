@@ -2,8 +2,8 @@
 
 use egui::{Align2, Color32, CursorIcon, FontId, Rect, Sense, Stroke, Ui, pos2, vec2};
 
+use super::style::ERROR;
 use crate::buffers::Place;
-use crate::panel::ERROR;
 use crate::truth::{Compare, Progress};
 use crate::viewer::Viewer;
 

@@ -7,7 +7,10 @@ use super::super::{
     solid::Solid,
     stage::Stage,
 };
-use super::{HALF_LENGTH, NAVE_WALL, materials::Palette};
+use super::{
+    materials::Palette,
+    plan::{HALF_LENGTH, NAVE_WALL},
+};
 use crate::Id;
 
 /// The lowest step of the choir.

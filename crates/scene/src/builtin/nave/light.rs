@@ -3,7 +3,7 @@
 use glam::{Vec3, vec3};
 
 use super::super::stage::{Stage, spot};
-use super::{BAY, HALF_LENGTH};
+use super::plan::{BAY, HALF_LENGTH};
 use crate::LightKind;
 
 /// Places lights and cameras.

@@ -7,7 +7,10 @@ use super::super::{
     solid::Solid,
     stage::Stage,
 };
-use super::{AISLE_WALL, ARCADE_SPRINGING, NAVE_WALL, PIER, VAULT, materials::Palette};
+use super::{
+    materials::Palette,
+    plan::{AISLE_WALL, ARCADE_SPRINGING, NAVE_WALL, PIER, VAULT},
+};
 use crate::Id;
 
 /// Meshes that stand at every line between bays, made for the south side.

@@ -10,8 +10,13 @@ use super::super::{
     wall::{Panel, Reveal, finish, pierced},
 };
 use super::{
-    AISLE_AXIS, AISLE_WALL, AISLE_WALL_TOP, BAY, BAYS, END_WALL, FOOTING, HALF_LENGTH, NAVE_WALL,
-    NAVE_WALL_TOP, materials::Palette, tracery, walls::splay,
+    materials::Palette,
+    plan::{
+        AISLE_AXIS, AISLE_WALL, AISLE_WALL_TOP, BAY, BAYS, END_WALL, FOOTING, HALF_LENGTH, NAVE_WALL,
+        NAVE_WALL_TOP, on_both_sides,
+    },
+    tracery,
+    walls::splay,
 };
 
 /// Where the end walls' lower panels end and the rose's panel begins.
@@ -196,7 +201,7 @@ fn buttresses(stage: &mut Stage, m: &Palette) {
     solid.append(prism(&nave.map(|(x, y)| vec2(x, y)), -0.4, 0.4, m.wall));
     let mesh = stage.mesh("buttress", solid);
     for line in 0..=BAYS {
-        super::on_both_sides(stage, mesh, -HALF_LENGTH + BAY * line as f32);
+        on_both_sides(stage, mesh, -HALF_LENGTH + BAY * line as f32);
     }
     let (x, z) = (AISLE_WALL[1] + 0.05, HALF_LENGTH + END_WALL);
     let mut plinths = cuboid(vec3(x - 0.15, -0.5, -z), vec3(x + 0.15, 0.6, z), m.trim);

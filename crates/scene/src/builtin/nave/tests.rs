@@ -1,6 +1,10 @@
 use glam::{Vec2, Vec3, Vec3Swizzles, vec2, vec3};
 
-use super::{super::arch::Opening, *};
+use super::{
+    super::arch::Opening,
+    plan::{AISLE_AXIS, AISLE_WALL, END_WALL, NAVE_WALL},
+    *,
+};
 
 /// Whether (u, y) lies in an opening about u = 0, with 0.1 m to spare.
 fn within(opening: Opening, p: Vec2) -> bool {

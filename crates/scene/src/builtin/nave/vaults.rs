@@ -12,7 +12,8 @@ use super::super::{
     solid::Solid,
 };
 use super::{
-    AISLE_AXIS, AISLE_CROWN, AISLE_WALL, ARCADE_SPRINGING, BAY, NAVE_WALL, VAULT, materials::Palette,
+    materials::Palette,
+    plan::{AISLE_AXIS, AISLE_CROWN, AISLE_WALL, ARCADE_SPRINGING, BAY, NAVE_WALL, VAULT},
 };
 use crate::Id;
 

@@ -9,8 +9,11 @@ use super::super::{
     wall::{Panel, Reveal, pierced},
 };
 use super::{
-    AISLE_WALL, AISLE_WALL_TOP, ARCADE_SPRINGING, BAY, CLERESTORY, FOOTING, NAVE_WALL, NAVE_WALL_TOP,
-    materials::Palette, tracery,
+    materials::Palette,
+    plan::{
+        AISLE_WALL, AISLE_WALL_TOP, ARCADE_SPRINGING, BAY, CLERESTORY, FOOTING, NAVE_WALL, NAVE_WALL_TOP,
+    },
+    tracery,
 };
 
 /// The clerestory's windows.

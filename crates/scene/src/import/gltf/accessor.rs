@@ -11,8 +11,8 @@ use ::gltf::accessor::{DataType, Dimensions};
 use ::gltf::buffer::View;
 
 use super::super::limits::Budget;
-use super::File;
 use super::buffers::Buffers;
+use super::file::File;
 use crate::SceneError;
 
 /// Component types that are permitted somewhere, and how their integers stand for numbers.

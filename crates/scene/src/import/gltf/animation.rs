@@ -3,7 +3,7 @@
 use ::gltf::animation::{Interpolation as GltfInterpolation, Property};
 use glam::{Quat, Vec4};
 
-use super::super::MAX_COORDINATE;
+use super::super::limits::MAX_COORDINATE;
 use super::super::warnings::Warnings;
 use super::accessor::Format;
 use super::node::Nodes;

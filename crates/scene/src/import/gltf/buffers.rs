@@ -6,7 +6,8 @@ use ::gltf::buffer::{Source, View};
 
 use super::super::limits::Budget;
 use super::super::source::Resource;
-use super::{File, meshopt};
+use super::file::File;
+use super::meshopt;
 use crate::SceneError;
 
 /// All bytes of one file.

@@ -3,9 +3,8 @@
 use ::gltf::Semantic;
 use glam::{Vec3, Vec4};
 
-use super::super::MAX_COORDINATE;
+use super::super::limits::MAX_COORDINATE;
 use super::super::warnings::Warnings;
-use super::File;
 use super::accessor::Format;
 use super::primitive::Meshes;
 use crate::{Mesh, MorphTarget, Primitive, SceneError};
@@ -140,23 +139,4 @@ fn keep_strongest(kept: &mut [(u16, f32); JOINTS], more: [(u16, f32); JOINTS]) -
     all.sort_by(|a, b| b.1.total_cmp(&a.1));
     kept.copy_from_slice(&all[..JOINTS]);
     all[JOINTS].1 > 0.0
-}
-
-/// Weights of `targets` morph targets: those that the file leaves out are 0.
-pub(super) fn weights(
-    file: File<'_>,
-    weights: &[f32],
-    targets: usize,
-    place: &str,
-    warnings: &mut Warnings,
-) -> Result<Vec<f32>, SceneError> {
-    if !weights.iter().all(|weight| weight.abs() <= MAX_COORDINATE) {
-        return Err(file.invalid(place, format!("a weight exceeds {MAX_COORDINATE:e}")));
-    }
-    if !weights.is_empty() && weights.len() != targets {
-        warnings.add(format!("{place} has {} weights for {targets} morph targets", weights.len()));
-    }
-    let mut weights = weights.to_vec();
-    weights.resize(targets, 0.0);
-    Ok(weights)
 }

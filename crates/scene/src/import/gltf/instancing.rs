@@ -3,7 +3,7 @@
 use ::gltf::json::Value;
 use glam::{Quat, Vec3};
 
-use super::super::MAX_COORDINATE;
+use super::super::limits::MAX_COORDINATE;
 use super::super::warnings::Warnings;
 use super::accessor::Format;
 use super::primitive::Meshes;

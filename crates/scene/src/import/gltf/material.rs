@@ -8,8 +8,8 @@ use ::gltf::texture::Info;
 use glam::{Vec3, Vec4};
 
 use super::super::warnings::Warnings;
-use super::File;
 use super::buffers::Buffers;
+use super::file::File;
 use super::texture::{Textures, Transform, UvSets};
 use crate::{AlphaMode, Id, Material, Reflection, Scene, SceneError, TextureRef};
 

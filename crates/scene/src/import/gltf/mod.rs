@@ -10,6 +10,7 @@ mod buffers;
 mod deform;
 mod document;
 mod far;
+mod file;
 mod instancing;
 mod material;
 mod meshopt;
@@ -21,17 +22,17 @@ mod texture;
 
 use std::path::Path;
 
-use ::gltf::Document;
-
 use self::accessor::Accessors;
 use self::buffers::Buffers;
 use self::document::Parsed;
+use self::file::File;
 use self::material::Materials;
 use self::primitive::Meshes;
 use super::files::Files;
-use super::limits::{Budget, Limits};
+use super::limits::Budget;
+use super::options::LoadOptions;
 use super::warnings::Warnings;
-use super::{LoadOptions, reach, scene_name, source};
+use super::{reach, source};
 use crate::{Scene, SceneError};
 
 /// Loads a `.gltf` or `.glb` file.
@@ -58,7 +59,7 @@ pub(super) fn from_bytes(
         budget: Budget::new(file.limits),
     };
 
-    let mut scene = Scene { name: scene_name(path), ..Scene::default() };
+    let mut scene = Scene { name: source::scene_name(path), ..Scene::default() };
     let names = document.scenes().map(|scene| scene.name().unwrap_or_default().to_owned());
     scene.scene_names = names.collect();
     let mut nodes = node::convert(&mut meshes, options.scene.as_deref(), &mut scene, &mut warnings)?;
@@ -80,25 +81,4 @@ pub(super) fn from_bytes(
     scene.warnings = warnings.into_messages();
     reach::check(path, &scene)?;
     Ok(scene)
-}
-
-/// The parsed file, and where it came from for messages.
-#[derive(Clone, Copy)]
-struct File<'a> {
-    path: &'a Path,
-    files: &'a dyn Files,
-    limits: &'a Limits,
-    document: &'a Document,
-}
-
-impl File<'_> {
-    /// Whether the file names an extension as one that it uses.
-    fn uses(&self, extension: &str) -> bool {
-        self.document.extensions_used().any(|used| used == extension)
-    }
-
-    /// An error about `place`, a path in the JSON such as `meshes[2].primitives[0]`.
-    fn invalid(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
-        SceneError::Invalid { path: self.path.to_owned(), place: place.into(), problem: problem.into() }
-    }
 }

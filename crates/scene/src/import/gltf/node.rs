@@ -5,11 +5,12 @@ use std::collections::HashMap;
 use ::gltf::scene::Transform as GltfTransform;
 use glam::{Affine3A, Mat4, Quat, Vec3};
 
-use super::super::MAX_COORDINATE;
+use super::super::limits::MAX_COORDINATE;
 use super::super::warnings::Warnings;
+use super::file::File;
+use super::instancing;
 use super::placed::Tables;
-use super::primitive::Meshes;
-use super::{File, deform, instancing};
+use super::primitive::{Meshes, morph_weights};
 use crate::{Id, Node, Scene, SceneError, Transform};
 
 /// Where the file's nodes are among the scene's.
@@ -48,7 +49,7 @@ pub(super) fn convert<'a>(
         let targets = mesh.map_or(0, |mesh| scene.meshes[mesh].morph_targets());
         let morph_weights = match source.weights() {
             Some(weights) if targets > 0 => {
-                deform::weights(file, weights, targets, &format!("{place}.weights"), warnings)?
+                morph_weights(file, weights, targets, &format!("{place}.weights"), warnings)?
             }
             _ => Vec::new(),
         };

@@ -8,7 +8,7 @@ use ::gltf::khr_lights_punctual::Kind;
 use glam::Vec3;
 
 use super::super::warnings::Warnings;
-use super::File;
+use super::file::File;
 use super::primitive::Meshes;
 use crate::{Camera, Id, Light, LightKind, Projection, Scene, SceneError};
 

@@ -5,12 +5,11 @@ use ::gltf::accessor::Dimensions;
 use ::gltf::mesh::Mode;
 use glam::{Vec2, Vec3, Vec4};
 
-use super::super::MAX_COORDINATE;
-use super::super::limits::Budget;
+use super::super::limits::{Budget, MAX_COORDINATE};
 use super::super::warnings::Warnings;
 use super::accessor::{Accessors, Format};
+use super::file::File;
 use super::material::Materials;
-use super::{File, deform};
 use crate::{Mesh, Primitive, SceneError, mesh};
 
 /// Converts meshes within a budget for the whole file.
@@ -37,7 +36,7 @@ impl<'a> Meshes<'_, 'a> {
         self.align_targets(&mut mesh, &place, warnings)?;
         let weights = source.weights().unwrap_or_default();
         mesh.morph_weights =
-            deform::weights(self.file, weights, mesh.morph_targets(), &format!("{place}.weights"), warnings)?;
+            morph_weights(self.file, weights, mesh.morph_targets(), &format!("{place}.weights"), warnings)?;
         Ok(mesh)
     }
 
@@ -212,4 +211,23 @@ impl<'a> Meshes<'_, 'a> {
             }
         })
     }
+}
+
+/// Weights of `targets` morph targets: those that the file leaves out are 0.
+pub(super) fn morph_weights(
+    file: File<'_>,
+    weights: &[f32],
+    targets: usize,
+    place: &str,
+    warnings: &mut Warnings,
+) -> Result<Vec<f32>, SceneError> {
+    if !weights.iter().all(|weight| weight.abs() <= MAX_COORDINATE) {
+        return Err(file.invalid(place, format!("a weight exceeds {MAX_COORDINATE:e}")));
+    }
+    if !weights.is_empty() && weights.len() != targets {
+        warnings.add(format!("{place} has {} weights for {targets} morph targets", weights.len()));
+    }
+    let mut weights = weights.to_vec();
+    weights.resize(targets, 0.0);
+    Ok(weights)
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::{Affine3A, Mat4};
 
-use super::super::MAX_COORDINATE;
+use super::super::limits::MAX_COORDINATE;
 use super::super::warnings::Warnings;
 use super::accessor::Format;
 use super::node::Nodes;

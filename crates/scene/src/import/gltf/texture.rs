@@ -8,8 +8,8 @@ use glam::{Affine2, Vec2};
 
 use super::super::source::{Decoder, Resource};
 use super::super::warnings::Warnings;
-use super::File;
 use super::buffers::Buffers;
+use super::file::File;
 use crate::{Filter, Id, ImageData, Scene, SceneError, Texture, TextureRef, Wrap};
 
 /// What a texture that is not there leaves.

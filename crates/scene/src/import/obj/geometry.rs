@@ -7,7 +7,6 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use super::super::limits::{Budget, Limits};
 use super::super::warnings::Warnings;
-use super::invalid_group;
 use super::material::Materials;
 use super::parse::{Corner, Face, NONE, Parsed};
 use super::polygon::Triangulator;
@@ -169,4 +168,8 @@ fn complete(primitives: &mut [Primitive], materials: &Materials<'_>, name: &str,
             mesh::generate_tangents(primitive, texture);
         }
     }
+}
+
+fn invalid_group(path: &Path, name: &str, problem: String) -> SceneError {
+    SceneError::Invalid { path: path.to_owned(), place: format!("group `{name}`"), problem }
 }

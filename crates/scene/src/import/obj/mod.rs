@@ -16,8 +16,9 @@ mod polygon;
 use std::path::Path;
 
 use super::files::Files;
+use super::options::LoadOptions;
 use super::warnings::Warnings;
-use super::{LoadOptions, only_scene, reach, scene_name, source, text};
+use super::{reach, source, text};
 use crate::{Node, Scene, SceneError, Transform};
 
 /// Loads an `.obj` file and the material libraries that it names.
@@ -32,7 +33,7 @@ pub(super) fn from_bytes(
     bytes: &[u8],
     options: &LoadOptions,
 ) -> Result<Scene, SceneError> {
-    only_scene(path, options)?;
+    options.only_scene(path)?;
     let mut warnings = Warnings::new(options.strict);
     let text = text::decode(bytes).map_err(|problem| SceneError::Invalid {
         path: path.to_owned(),
@@ -40,7 +41,7 @@ pub(super) fn from_bytes(
         problem,
     })?;
     let mut parsed = parse::Parsed::new(path, &text, &mut warnings)?;
-    let mut scene = Scene { name: scene_name(path), ..Scene::default() };
+    let mut scene = Scene { name: source::scene_name(path), ..Scene::default() };
     if let Some(origin) = origin::local_origin(&parsed) {
         parsed.positions.iter_mut().for_each(|position| *position -= origin);
         scene.origin_m = origin;
@@ -81,13 +82,4 @@ pub(super) fn from_bytes(
     scene.warnings = warnings.into_messages();
     reach::check(path, &scene)?;
     Ok(scene)
-}
-
-/// An error about a line of the OBJ file, counted from 1.
-fn invalid(path: &Path, line: usize, problem: impl Into<String>) -> SceneError {
-    SceneError::Invalid { path: path.to_owned(), place: format!("line {line}"), problem: problem.into() }
-}
-
-fn invalid_group(path: &Path, name: &str, problem: String) -> SceneError {
-    SceneError::Invalid { path: path.to_owned(), place: format!("group `{name}`"), problem }
 }

@@ -10,9 +10,9 @@ use std::str::FromStr;
 
 use glam::{DVec3, Vec2, Vec3};
 
+use super::super::limits::MAX_COORDINATE;
+use super::super::text;
 use super::super::warnings::Warnings;
-use super::super::{MAX_COORDINATE, text};
-use super::invalid;
 use crate::SceneError;
 
 /// Stands for an index that a corner leaves out.
@@ -240,4 +240,9 @@ fn numbers<T: FromStr + Copy + Into<f64>>(text: &str) -> Result<Vec<T>, String> 
             _ => Err(format!("`{token}` is not a finite number")),
         })
         .collect()
+}
+
+/// An error about a line of the OBJ file, counted from 1.
+fn invalid(path: &Path, line: usize, problem: impl Into<String>) -> SceneError {
+    SceneError::Invalid { path: path.to_owned(), place: format!("line {line}"), problem: problem.into() }
 }

@@ -62,11 +62,34 @@ impl Mover {
             self.parts.iter().zip(matrices).filter_map(|(part, matrix)| Some((part.as_ref()?, matrix)));
         let boxes = parts.map(|(&(lo, hi), matrix)| transformed(lo - reach, hi + reach, matrix));
         let finite = boxes.filter(|(lo, hi)| lo.is_finite() && hi.is_finite());
-        finite.reduce(super::union).unwrap_or_else(|| {
+        finite.reduce(union).unwrap_or_else(|| {
             let at = matrices.first().map_or(Vec3::ZERO, |own| own.translation.into());
             if at.is_finite() { (at, at) } else { (Vec3::ZERO, Vec3::ZERO) }
         })
     }
+}
+
+/// Corners of a box in world space that holds everything that moves, at any time: sampled over the animations.
+pub(crate) fn bounds_over_time(scene: &cs::Scene) -> Option<(Vec3, Vec3)> {
+    const SAMPLES: u32 = 32;
+    let moving = scene.moving_nodes();
+    let drawn = (0..scene.nodes.len()).filter(|&node| scene.nodes[node].mesh.is_some());
+    let movers: Vec<_> = drawn
+        .filter(|&node| moving[node] || scene.deforms(&scene.nodes[node]))
+        .map(|node| Mover::new(scene, node))
+        .collect();
+    if movers.is_empty() {
+        return None;
+    }
+    let duration_s = f64::from(scene.duration_s().unwrap_or(0.0));
+    let samples = if duration_s > 0.0 { SAMPLES } else { 1 };
+    let poses = (0..samples).map(|i| scene.pose(duration_s * f64::from(i) / f64::from(SAMPLES)));
+    poses.flat_map(|pose| movers.iter().map(|m| m.bounds_ws(scene, &pose)).collect::<Vec<_>>()).reduce(union)
+}
+
+/// The box around two boxes. What is not finite is left out.
+pub(crate) fn union((a_lo, a_hi): (Vec3, Vec3), (b_lo, b_hi): (Vec3, Vec3)) -> (Vec3, Vec3) {
+    (a_lo.min(b_lo), a_hi.max(b_hi))
 }
 
 /// The box around a transformed box (Arvo 1990, "Transforming Axis-Aligned Bounding Boxes").
@@ -90,7 +113,7 @@ mod tests {
         let corners = (0..8).map(|i| {
             turn.transform_point3(Vec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), lo, hi))
         });
-        let exact = corners.map(|p| (p, p)).reduce(crate::scene::motion::union).unwrap();
+        let exact = corners.map(|p| (p, p)).reduce(union).unwrap();
         let found = transformed(lo, hi, &turn);
         assert!(found.0.distance(exact.0) < 1e-5 && found.1.distance(exact.1) < 1e-5, "{found:?} {exact:?}");
     }

@@ -21,21 +21,21 @@
 //! morph target with a weight.
 
 mod bounds;
+mod pass;
 pub(crate) mod rest;
 
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::BufferUsages;
-use chiaro_gpu::{Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life, parallel};
+use chiaro_gpu::{Buffer, Gpu, Life};
 use chiaro_scene as cs;
 use glam::{Affine3A, DVec3, Vec3};
 
-use crate::scene::SceneGpu;
-use crate::scene::{InstanceData, bending_instance_data, instance_data};
-use crate::{Kit, Pass, shaders};
-pub(crate) use bounds::Mover;
+use super::instance::{InstanceData, bending_instance_data, instance_data};
+pub(crate) use bounds::{Mover, bounds_over_time, union};
+pub use pass::Motion;
 use rest::Rest;
 
 /// See `instances.cs.wesl`.
@@ -74,9 +74,6 @@ pub(crate) struct DeformJob {
     pub(crate) first_weight: u32,
     pub(crate) morph_stride: u32,
 }
-
-/// Twin of `ROW` in `deform.cs.wesl`.
-const ROW: u32 = 32_768;
 
 /// A node whose mesh bends: where its matrices and morph weights lie in the uploaded pose.
 #[derive(Clone, Copy, Debug)]
@@ -339,40 +336,10 @@ impl SceneMotion {
     }
 }
 
-/// Corners of a box in world space that holds everything that moves, at any time: sampled over the animations.
-pub(crate) fn bounds_over_time(scene: &cs::Scene) -> Option<(Vec3, Vec3)> {
-    const SAMPLES: u32 = 32;
-    let moving = scene.moving_nodes();
-    let drawn = (0..scene.nodes.len()).filter(|&node| scene.nodes[node].mesh.is_some());
-    let movers: Vec<_> = drawn
-        .filter(|&node| moving[node] || scene.deforms(&scene.nodes[node]))
-        .map(|node| Mover::new(scene, node))
-        .collect();
-    if movers.is_empty() {
-        return None;
-    }
-    let duration_s = f64::from(scene.duration_s().unwrap_or(0.0));
-    let samples = if duration_s > 0.0 { SAMPLES } else { 1 };
-    let poses = (0..samples).map(|i| scene.pose(duration_s * f64::from(i) / f64::from(SAMPLES)));
-    poses.flat_map(|pose| movers.iter().map(|m| m.bounds_ws(scene, &pose)).collect::<Vec<_>>()).reduce(union)
-}
-
-/// The box around two boxes. What is not finite is left out.
-pub(crate) fn union((a_lo, a_hi): (Vec3, Vec3), (b_lo, b_hi): (Vec3, Vec3)) -> (Vec3, Vec3) {
-    (a_lo.min(b_lo), a_hi.max(b_hi))
-}
-
 /// Rows of an affine map, so that a point is three dot products.
 fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
     let (x, y, z, t) = (m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation);
     std::array::from_fn(|row| [x[row], y[row], z[row], t[row]])
-}
-
-/// The passes.
-#[derive(Debug)]
-pub struct Motion {
-    instances: ComputePipeline,
-    deform: ComputePipeline,
 }
 
 /// What the passes carried out: which pose, in which frame, and of which generation the poses before are.
@@ -381,60 +348,4 @@ struct Done {
     generation: u64,
     before: u64,
     frame: u64,
-}
-
-impl Pass for Motion {
-    type Key = ();
-
-    fn compile(kit: &Kit, (): &()) -> Result<Self, GpuError> {
-        let make = |entry| ComputePipeline::new(&kit.gpu, &kit.library, &shaders::plain(entry), &[], &[]);
-        let (instances, deform) =
-            parallel::join(|| make("scene/motion/instances.cs.wesl"), || make("scene/motion/deform.cs.wesl"));
-        Ok(Self { instances: instances?, deform: deform? })
-    }
-}
-
-impl Motion {
-    /// Carries out the scene's pose if it is new, and in the frame after lets the previous pose catch up. However many views
-    /// of the scene a frame renders, it moves once.
-    pub fn record(&self, frame: &mut Frame<'_>, scene: &SceneGpu) {
-        let motion = &scene.motion;
-        let before = {
-            let mut done = motion.done.lock().unwrap_or_else(PoisonError::into_inner);
-            let rests = done.generation == motion.generation;
-            if rests && (done.before == motion.generation || done.frame == frame.id()) {
-                return;
-            }
-            let before = done.before;
-            *done = Done { generation: motion.generation, before: done.generation, frame: frame.id() };
-            before
-        };
-        // What moved now, and what moved the last time, whose place before is now where it is.
-        let moved = |since: u64| since > before;
-        let moves: Vec<_> = motion.carried.iter().filter(|c| moved(c.since)).map(Carried::data).collect();
-        let buffers = &motion.buffers;
-        if !moves.is_empty() {
-            frame.upload(&buffers.moves, &moves);
-            // There is room for all instances, of which as many move as the shader sees.
-            let size = size_of_val(&moves[..]) as u64;
-            let binds = [
-                ("moves", Binding::BufferRange(&buffers.moves, 0, size)),
-                ("instances", (&scene.buffers.instances).into()),
-            ];
-            let threads = Dispatch::Threads([moves.len() as u32, 1, 1]);
-            frame.compute("motion/instances", &self.instances, &[], &binds, threads);
-        }
-        if motion.job_count > 0 && moved(motion.pose_since) {
-            frame.upload(&buffers.pose, &motion.pose);
-            let binds = [
-                ("jobs", (&buffers.jobs).into()),
-                ("rest", (&buffers.rest).into()),
-                ("pose", (&buffers.pose).into()),
-                ("geometry", (&scene.buffers.geometry).into()),
-                ("clusters", (&scene.buffers.clusters).into()),
-            ];
-            let groups = [motion.job_count.min(ROW), motion.job_count.div_ceil(ROW), 1];
-            frame.compute("motion/deform", &self.deform, &[], &binds, Dispatch::Groups(groups));
-        }
-    }
 }

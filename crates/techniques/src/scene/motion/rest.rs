@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use chiaro_scene as cs;
 use glam::{Vec3, Vec4};
 
-use crate::scene::clusters::{normal_word, tangent_word};
+use crate::scene::words::{normal_word, tangent_word};
 
 /// Where a cluster's rest shape lies, in words.
 #[derive(Clone, Copy, Debug)]
