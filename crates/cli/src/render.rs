@@ -40,6 +40,7 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
     let bar = progress(frames.len() as u64 * u64::from(args.samples));
     for number in &frames {
         session.go_to(number.map_or(args.time, |number| f64::from(number) / args.fps))?;
+        session.renderer.equip(&session.source, &mut session.scene)?;
         let still = {
             let Session { renderer, scene, view, .. } = &mut session;
             renderer.still_in(&mut recorder, scene, view, &options, |_| bar.inc(1))?

@@ -6,8 +6,9 @@ use chiaro_gpu::shader::Alone;
 use chiaro_gpu::{Buffer, Gpu, Life, wgpu};
 use chiaro_scene::Light;
 use chiaro_techniques::frame::{FIRST_LIGHT_BYTES, FrameData, LightData};
+use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::shadow::{
-    CameraView, Fit, FitInputs, Lookup, PointLayout, Representation, ShadowOutputs, ShadowSettings,
+    CameraView, Fit, FitInputs, Layout, Lookup, PointLayout, Representation, ShadowOutputs, ShadowSettings,
     ShadowView, fit,
 };
 use chiaro_techniques::{light, shaders};
@@ -50,14 +51,15 @@ impl Shadows {
     /// Links what shaders look shadows up with.
     ///
     /// # Errors
-    /// When the settings do not go together, or want what the renderer alone can make: moments, tints, paraboloids, cascades
-    /// that are fitted to the picture's depth.
+    /// When the settings do not go together, or want what the renderer alone can make: moments, tints, paraboloids, rays,
+    /// cascades that are fitted to the picture's depth.
     pub fn new(gpu: &Gpu, settings: ShadowSettings) -> Result<Self, Error> {
         let beyond = [
             ("representation = depth", settings.representation == Representation::Depth),
             ("transmission_tint = false", !settings.transmission_tint),
             ("point_layout = cube", settings.point_layout == PointLayout::Cube),
             ("fit = frustum", settings.fit == Fit::Frustum),
+            ("layout = cascaded, single or none", settings.layout != Layout::Traced),
         ];
         if let Some((taken, _)) = beyond.into_iter().find(|(_, serves)| !serves) {
             return Err(Error::Combination(format!(
@@ -67,7 +69,7 @@ impl Shadows {
         if let Some(reason) = settings.refused() {
             return Err(Error::Combination(reason));
         }
-        let constants = Lookup::new(&settings).constants(gpu);
+        let constants = Lookup::new(&settings).constants(gpu, SceneFacts::default());
         let text = shaders::library().alone(&shaders::shadow_alone(), &constants)?;
         let entries: Vec<_> = text
             .bindings

@@ -45,6 +45,9 @@ pub enum Error {
     /// Settings that do not go together, or that this adapter cannot do.
     #[error("{0}")]
     Combination(String),
+    /// Rays were asked for, and the scene has no trees for them.
+    #[error("settings shoot rays at a scene that has no trees for them: give it some by `Renderer::equip`")]
+    NoTrees,
     /// A picture of no or too many pixels.
     #[error("a picture cannot have {}×{} pixels: it takes 1 to {most} a side", size[0], size[1])]
     Size {

@@ -65,6 +65,7 @@ mod reference;
 mod renderer;
 mod settings;
 mod still;
+mod trees;
 mod view;
 mod view_state;
 
@@ -88,5 +89,6 @@ pub use reference::{FirstHit, Integrator, Reference, ReferenceOptions};
 pub use renderer::{Prepared, Renderer};
 pub use settings::{Pipeline, Settings};
 pub use still::{Jitter, Still, StillOptions};
+pub use trees::Trees;
 pub use view::{Depth, Lookout, View};
 pub use view_state::ViewState;

@@ -1,12 +1,14 @@
 //! A scene ready to be rendered.
 
-use chiaro_scene::{Pose, Scene};
+use chiaro_scene::{Id, Pose, Scene};
 use chiaro_techniques::environment::EnvironmentMap;
 use chiaro_techniques::frame::LightData;
 use chiaro_techniques::indirect::Openness;
 use chiaro_techniques::light::{illuminance_scale, light_data};
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::Casters;
+
+use crate::{Error, Settings, Trees};
 
 /// A scene on the GPU with its lights.
 ///
@@ -34,6 +36,8 @@ pub struct LoadedScene {
     pub environment: Option<EnvironmentMap>,
     /// How everything stands.
     pub(crate) pose: Pose,
+    /// For rays.
+    pub(crate) trees: Option<Trees>,
 }
 
 /// Stored radiance of a white surface under the brightest light, in general. Half floats reach 65,504 above and 2⁻²⁴
@@ -55,7 +59,7 @@ impl LoadedScene {
         let (lights, directional) = light_data(scene, &pose);
         let radiance_scale = radiance_scale(&gpu, scene, &lights, environment.as_ref());
         let casters = Casters::new(scene, &pose, &[]);
-        Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose }
+        Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose, trees: None }
     }
 
     /// Directional lights first.
@@ -71,6 +75,36 @@ impl LoadedScene {
     /// How everything stands now.
     pub fn pose(&self) -> &Pose {
         &self.pose
+    }
+
+    /// Whether settings shoot rays at the scene, and it has no trees for them: [`Trees::build`] makes some, and
+    /// [`LoadedScene::give_trees`] takes them. [`crate::Renderer::load`] and [`crate::Renderer::equip`] do both.
+    pub fn lacks_trees(&self, settings: &Settings) -> bool {
+        settings.shoots_rays() && self.trees.is_none()
+    }
+
+    /// Takes trees of this scene, in whatever pose they were built. [`crate::Renderer::plan`] then tells what is to be
+    /// compiled for them.
+    ///
+    /// # Errors
+    /// When they had to be built anew and do not fit the adapter.
+    pub fn give_trees(&mut self, scene: &Scene, mut trees: Trees) -> Result<(), Error> {
+        trees.update(scene, &self.pose)?;
+        self.gpu.facts = trees.facts(self.gpu.facts);
+        self.trees = Some(trees);
+        Ok(())
+    }
+
+    /// Whether trees built for the present pose would be better than those that the scene has: bending has worn them, or a
+    /// node was moved that no animation moves. Rays are right all the same, but slower. To be asked once a frame; [`Trees::build`] on
+    /// another thread, with what [`LoadedScene::moved`] gives.
+    pub fn trees_are_due(&mut self) -> bool {
+        self.trees.as_mut().is_some_and(Trees::due)
+    }
+
+    /// Nodes that poses have moved though no animation does.
+    pub fn moved(&self) -> Vec<Id> {
+        self.gpu.motion.strayed()
     }
 
     /// Moves everything to a pose of the scene that this was loaded from: [`Scene::pose`] at a time, or one of your own
@@ -92,6 +126,8 @@ impl LoadedScene {
         self.casters.hold(motion.strayed_bounds_ws());
         (self.lights, self.directional) = light_data(scene, pose);
         self.pose.clone_from(pose);
+        // Trees that do not fit any more are missed by name when the next frame is prepared.
+        self.trees = self.trees.take().and_then(|mut trees| trees.update(scene, pose).ok().map(|()| trees));
     }
 
     /// Takes over how strong, coloured, far-reaching and wide the lights of `scene` are, and of what kind: the scene that

@@ -2,6 +2,7 @@
 
 use chiaro_gpu::{GpuError, parallel};
 use chiaro_techniques::direct::{DirectLight, Permutations};
+use chiaro_techniques::rays::Refit;
 use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::scene::motion::Motion;
 use chiaro_techniques::shadow::{Lookup, ShadowKey, ShadowMaps};
@@ -85,6 +86,7 @@ passes! {
     culling: Culling = |_, _| ();
     albedo_table: AlbedoTable = |_, _| ();
     motion: Motion = |_, _| ();
+    refit: Option<Refit> = |settings: &Settings, _| settings.shoots_rays().then_some(());
 }
 
 /// What shaders that look up lights are compiled for.

@@ -100,7 +100,7 @@ fn deferred(
 ) -> FrameOutputs {
     let group = inputs.group.group();
     let scene = &inputs.scene.gpu;
-    passes.motion.record(frame, scene);
+    follow(passes, frame, inputs.scene);
     let lists = cull(passes, frame, inputs, rooms);
     let camera = (rooms.views, &lists, CAMERA);
     let depth = passes.surfaces.record_visibility(frame, (group, scene), camera, rooms.surface);
@@ -110,7 +110,7 @@ fn deferred(
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
     let light = (&shadows, &light_grid);
     let (radiance, unlit) = shade_both(frame, inputs, rooms.light, |frame, radiance, _| {
-        passes.direct.record_deferred(frame, group, &surface, light, radiance);
+        passes.direct.record_deferred(frame, (group, scene), &surface, light, radiance);
         if let (Some(transparency), Some(layers)) = (&*passes.transparency, rooms.layers) {
             let picture = (radiance, layers);
             transparency.record(frame, (group, scene), camera, light, &surface.depth, picture);
@@ -128,7 +128,7 @@ fn forward(
 ) -> FrameOutputs {
     let group = inputs.group.group();
     let scene = &inputs.scene.gpu;
-    passes.motion.record(frame, scene);
+    follow(passes, frame, inputs.scene);
     let lists = cull(passes, frame, inputs, rooms);
     let camera = (rooms.views, &lists, CAMERA);
     let needs_depth =
@@ -152,6 +152,14 @@ fn forward(
         }
     });
     FrameOutputs { radiance, unlit, shadows, light_grid, surface }
+}
+
+/// Lets geometry, and the trees over it, follow the scene's pose.
+fn follow(passes: &Passes, frame: &mut Frame<'_>, scene: &LoadedScene) {
+    passes.motion.record(frame, &scene.gpu);
+    if let (Some(refit), Some(trees)) = (&*passes.refit, &scene.trees) {
+        refit.record(frame, &scene.gpu, &trees.traced);
+    }
 }
 
 /// Culls for the camera, and for as many of the other views that are known by now as go with it.
@@ -181,6 +189,7 @@ fn shadow_inputs<'a>(
         lists,
         culling: &passes.culling,
         depth,
+        tracer: inputs.scene.trees.as_ref().map(|trees| &trees.traced.words),
         settings,
     }
 }

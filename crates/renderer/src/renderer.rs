@@ -19,7 +19,7 @@ use crate::passes::{Missing, Passes};
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
 use crate::plan::{Built, Plan};
 use crate::view_state::Histories;
-use crate::{Error, LoadedScene, Pipeline, Settings, View, ViewState};
+use crate::{Error, LoadedScene, Pipeline, Settings, Trees, View, ViewState};
 
 /// Renders scenes with the techniques that [`Settings`] choose.
 ///
@@ -71,7 +71,8 @@ impl Renderer {
     /// As [`Renderer::new`] and [`Renderer::load`].
     pub fn with_scene(gpu: &Gpu, settings: Settings, scene: &Scene) -> Result<(Self, LoadedScene), Error> {
         let kit = Kit::new(gpu, shaders::library());
-        let loaded = LoadedScene::upload(&kit, scene)?;
+        let mut loaded = LoadedScene::upload(&kit, scene)?;
+        grow_trees(&kit.gpu, &settings, (scene, &mut loaded))?;
         Ok((Self::with(kit, settings, loaded.gpu.facts)?, loaded))
     }
 
@@ -180,11 +181,23 @@ impl Renderer {
     /// # Errors
     /// When it does not fit the adapter, or [`Scene::validate`] refuses it.
     pub fn load(&mut self, scene: &Scene) -> Result<LoadedScene, Error> {
-        let loaded = LoadedScene::upload(&self.kit, scene)?;
+        let mut loaded = LoadedScene::upload(&self.kit, scene)?;
+        self.equip(scene, &mut loaded)?;
+        Ok(loaded)
+    }
+
+    /// Gives a scene what the settings need of it beyond its upload, trees for rays, and compiles what it needs beyond earlier
+    /// scenes. After [`Renderer::set`] has turned rays on, where [`LoadedScene::upload`] was called by hand, and where
+    /// [`LoadedScene::trees_are_due`]; waits for all.
+    ///
+    /// # Errors
+    /// When the trees do not fit the adapter, or a shader does not compile.
+    pub fn equip(&mut self, scene: &Scene, loaded: &mut LoadedScene) -> Result<(), Error> {
+        grow_trees(&self.kit.gpu, &self.settings, (scene, &mut *loaded))?;
         let built = self.plan(self.settings.clone(), loaded.gpu.facts)?.build()?;
         self.install(built);
         self.kit.gpu.check()?;
-        Ok(loaded)
+        Ok(())
     }
 
     /// Computes a frame's data and makes room for it in the view's state. `jitter_px` moves the picture by parts of a pixel,
@@ -204,6 +217,9 @@ impl Renderer {
         let most = gpu.limits.max_texture_dimension_2d;
         if size_px.iter().any(|&side| side == 0 || side > most) {
             return Err(Error::Size { size: size_px, most });
+        }
+        if scene.lacks_trees(&self.resolved) {
+            return Err(Error::NoTrees);
         }
         assert!(
             self.facts.serve(scene.gpu.facts),
@@ -337,6 +353,18 @@ fn sky_view(history: &mut Histories, scene: &LoadedScene, eye_ws: Vec3) -> SkyVi
     let view = scene.openness.sky_view(eye_ws);
     history.sky.keep(key, view);
     view
+}
+
+fn grow_trees(
+    gpu: &Gpu,
+    settings: &Settings,
+    (scene, loaded): (&Scene, &mut LoadedScene),
+) -> Result<(), Error> {
+    if loaded.lacks_trees(settings) || loaded.trees_are_due() {
+        let trees = Trees::build(gpu, scene, loaded.pose(), &loaded.moved())?;
+        loaded.give_trees(scene, trees)?;
+    }
+    Ok(())
 }
 
 fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {

@@ -9,7 +9,7 @@ use chiaro_techniques::environment::EnvironmentSettings;
 use chiaro_techniques::indirect::IndirectSettings;
 use chiaro_techniques::post::CameraSettings;
 use chiaro_techniques::settings::{Clause, Condition, Effect, Field, SettingsGroup, Value};
-use chiaro_techniques::shadow::ShadowSettings;
+use chiaro_techniques::shadow::{Layout, ShadowSettings};
 use chiaro_techniques::view::raster::ComputeRaster;
 use chiaro_techniques::view::{Raster, SurfaceSettings};
 
@@ -195,6 +195,11 @@ impl Settings {
             let _ = settings.set(&field.key, &field.default);
         }
         settings
+    }
+
+    /// Whether any technique shoots rays through the scene's trees.
+    pub fn shoots_rays(&self) -> bool {
+        self.shadow.layout == Layout::Traced
     }
 
     /// The same with nothing left to the adapter.

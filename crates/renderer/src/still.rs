@@ -115,10 +115,10 @@ impl Renderer {
         let size = options.size;
         let samples = options.samples.max(1);
         let jitter = Jitter::new(samples);
-        let (permutations, frame_layout) = (self.permutations(), self.frame_layout().clone());
+        let (kit, permutations) = (self.kit().clone(), self.permutations());
         let aov_pass = || {
             let count = options.aovs.len();
-            (count > 0).then(|| AovPass::new(&gpu, &library, &frame_layout, permutations, count)).transpose()
+            (count > 0).then(|| AovPass::new(&kit, permutations, count)).transpose()
         };
         let (aov_pass, (accumulator, display)) = parallel::join(aov_pass, || {
             parallel::join(|| Accumulator::new(&gpu, &library), || Display::new(&gpu, &library))
@@ -149,7 +149,8 @@ impl Renderer {
             if let (Some(pass), Some(surface)) = (&aov_pass, &outputs.surface) {
                 for (number, (aov, aov_sum)) in options.aovs.iter().zip(&mut aov_sums).enumerate() {
                     let inputs = (surface, &outputs.shadows, &outputs.light_grid);
-                    pass.record(&mut frame, state.frame_group(), inputs, (number, *aov), aov_sum);
+                    let groups = (state.frame_group(), &scene.gpu);
+                    pass.record(&mut frame, groups, inputs, (number, *aov), aov_sum);
                 }
             }
             if index + 1 == samples {

@@ -8,7 +8,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::post::DebugInput;
-use crate::reference::bvh::refit::{NodeBox, RefitJob};
+use crate::rays::refit::{NodeBox, RefitJob};
 use crate::reference::first_hit::FirstHitPass;
 use crate::reference::path::PathPass;
 use crate::reference::path::noise::NoiseInput;
@@ -231,7 +231,7 @@ fn rust_structs_equal_their_wesl_twins() {
         end_lane,
         reserved,
     );
-    let refit = &linked("reference/bvh/refit.cs.wesl");
+    let refit = &linked("rays/refit.cs.wesl");
     same!(refit, RefitJob, "RefitJob", node, own, children, pad);
     same!(refit, NodeBox, "NodeBox", lo, leaf_area, hi, area);
     same!(

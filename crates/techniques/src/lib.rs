@@ -16,6 +16,7 @@ pub mod indirect;
 mod kit;
 pub mod light;
 pub mod post;
+pub mod rays;
 pub mod reference;
 pub mod scene;
 pub mod settings;

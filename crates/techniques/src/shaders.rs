@@ -11,6 +11,27 @@ macro_rules! shader {
 /// Whether shadow maps hold depth as plain numbers, as compute writes them, instead of a depth format.
 const FLOAT_MAPS: &str = "float_maps";
 
+/// What shadows are looked up in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ShadowSource {
+    /// Maps of a depth format.
+    DepthMaps,
+    /// Maps of plain numbers, as compute writes them.
+    FloatMaps,
+    /// The scene's triangles, by rays.
+    Rays,
+}
+
+impl ShadowSource {
+    /// All.
+    const ALL: [Self; 3] = [Self::DepthMaps, Self::FloatMaps, Self::Rays];
+
+    /// With the flags of what imports `direct/lighting.wesl`.
+    fn flags(self, entry: Permutation) -> Permutation {
+        entry.flag(FLOAT_MAPS, self == Self::FloatMaps).flag("traced", self == Self::Rays)
+    }
+}
+
 /// All WESL modules by path.
 pub const MODULES: &[(&str, &str)] = &[
     shader!("direct/forward.vs.wesl"),
@@ -34,8 +55,9 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("post/histogram.cs.wesl"),
     shader!("post/present.vs.wesl"),
     shader!("post/tone_map.cs.wesl"),
-    shader!("reference/bvh/corners.cs.wesl"),
-    shader!("reference/bvh/refit.cs.wesl"),
+    shader!("rays/corners.cs.wesl"),
+    shader!("rays/refit.cs.wesl"),
+    shader!("rays/traverse.wesl"),
     shader!("reference/camera.wesl"),
     shader!("reference/first_hit.cs.wesl"),
     shader!("reference/path/bsdf.wesl"),
@@ -49,7 +71,6 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("reference/photon/emit.wesl"),
     shader!("reference/photon/map.wesl"),
     shader!("reference/photon/trace.cs.wesl"),
-    shader!("reference/traverse.wesl"),
     shader!("scene/geometry.wesl"),
     shader!("scene/material.wesl"),
     shader!("scene/motion/deform.cs.wesl"),
@@ -58,11 +79,13 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("scene/surface.wesl"),
     shader!("scene/texture.wesl"),
     shader!("shadow/alone.vs.wesl"),
+    shader!("shadow/compare.wesl"),
     shader!("shadow/depth.vs.wesl"),
     shader!("shadow/depth_bounds.cs.wesl"),
     shader!("shadow/fit.cs.wesl"),
     shader!("shadow/inspect.wesl"),
     shader!("shadow/lookup.wesl"),
+    shader!("shadow/maps.wesl"),
     shader!("shadow/moments/blur.wesl"),
     shader!("shadow/moments/bounds.wesl"),
     shader!("shadow/moments/columns.cs.wesl"),
@@ -73,14 +96,18 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shadow/moments/rows.cs.wesl"),
     shader!("shadow/moments/texel.wesl"),
     shader!("shadow/moments/warp.wesl"),
+    shader!("shadow/options.wesl"),
     shader!("shadow/paraboloid.vs.wesl"),
     shader!("shadow/projection.wesl"),
+    shader!("shadow/receiver.wesl"),
     shader!("shadow/tint.vs.wesl"),
+    shader!("shadow/traced.wesl"),
     shader!("shared/albedo_table.cs.wesl"),
     shader!("shared/brdf.wesl"),
     shader!("shared/brdf_sample.wesl"),
     shader!("shared/color.wesl"),
     shader!("shared/depth.wesl"),
+    shader!("shared/disc.wesl"),
     shader!("shared/footprint.wesl"),
     shader!("shared/hash.wesl"),
     shader!("shared/oct.wesl"),
@@ -123,8 +150,8 @@ pub fn permutations() -> Vec<Permutation> {
         "post/histogram.cs.wesl",
         "post/present.vs.wesl",
         "post/tone_map.cs.wesl",
-        "reference/bvh/corners.cs.wesl",
-        "reference/bvh/refit.cs.wesl",
+        "rays/corners.cs.wesl",
+        "rays/refit.cs.wesl",
         "reference/path/noise.cs.wesl",
         "shadow/depth_bounds.cs.wesl",
         "shadow/fit.cs.wesl",
@@ -142,7 +169,6 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(resolve(a, false));
         all.push(resolve(a, true));
         all.push(behind(a));
-        all.push(aov(a));
         all.push(accumulate(a));
         all.push(path_trace(a));
         all.push(shadow_depth(a));
@@ -151,7 +177,13 @@ pub fn permutations() -> Vec<Permutation> {
         for b in [false, true] {
             all.extend([raster_triangles(a, b), raster_tiles(a, b)]);
             all.extend([Layer::None, Layer::First, Layer::Next].map(|layer| visibility(a, b, layer)));
-            all.extend([forward(a, b, false), forward(a, b, true), shade_layer(a, b), shade(a, b)]);
+        }
+    }
+    for source in ShadowSource::ALL {
+        all.push(aov(source));
+        for a in [false, true] {
+            all.extend([shade_layer(a, source), shade(a, source)]);
+            all.extend([forward(a, false, source), forward(a, true, source)]);
         }
     }
     for channels in [1, 2, 4] {
@@ -180,7 +212,7 @@ pub enum Viewed {
 pub fn debug_view(what: Viewed, array: bool) -> Permutation {
     let kinds =
         [("integer", Viewed::Integer), ("multisampled", Viewed::Multisampled), ("words", Viewed::Words)];
-    let entry = Permutation::plain("post/debug_view.cs.wesl").flag("array", array).flag(FLOAT_MAPS, false);
+    let entry = Permutation::plain("post/debug_view.cs.wesl").flag("array", array);
     kinds.into_iter().fold(entry, |entry, (flag, kind)| entry.flag(flag, what == kind))
 }
 
@@ -200,28 +232,28 @@ pub fn behind(whole: bool) -> Permutation {
 }
 
 /// A layer of see-through surfaces over what is behind it.
-pub fn shade_layer(emissive: bool, float_maps: bool) -> Permutation {
-    Permutation::plain("transparency/shade.cs.wesl").flag("emissive", emissive).flag(FLOAT_MAPS, float_maps)
+pub fn shade_layer(emissive: bool, shadows: ShadowSource) -> Permutation {
+    shadows.flags(Permutation::plain("transparency/shade.cs.wesl").flag("emissive", emissive))
 }
 
 /// Deferred shading.
-pub fn shade(emissive: bool, float_maps: bool) -> Permutation {
-    Permutation::plain("direct/shade.cs.wesl").flag("emissive", emissive).flag(FLOAT_MAPS, float_maps)
+pub fn shade(emissive: bool, shadows: ShadowSource) -> Permutation {
+    shadows.flags(Permutation::plain("direct/shade.cs.wesl").flag("emissive", emissive))
 }
 
 /// The surroundings behind everything.
 pub fn background() -> Permutation {
-    Permutation::plain("environment/background.vs.wesl").flag(FLOAT_MAPS, false)
+    Permutation::plain("environment/background.vs.wesl")
 }
 
 /// The path tracer, with light paths' photons or without.
 pub fn path_trace(photons: bool) -> Permutation {
-    Permutation::plain("reference/path/trace.cs.wesl").flag("photons", photons).flag(FLOAT_MAPS, false)
+    Permutation::plain("reference/path/trace.cs.wesl").flag("photons", photons)
 }
 
 /// Light paths.
 pub fn photon_trace() -> Permutation {
-    Permutation::plain("reference/photon/trace.cs.wesl").flag("photons", true).flag(FLOAT_MAPS, false)
+    Permutation::plain("reference/photon/trace.cs.wesl").flag("photons", true)
 }
 
 /// What the camera sees first.
@@ -235,8 +267,8 @@ pub fn accumulate(raw: bool) -> Permutation {
 }
 
 /// One quantity of surface or light.
-pub fn aov(float_maps: bool) -> Permutation {
-    Permutation::plain("post/aov.cs.wesl").flag(FLOAT_MAPS, float_maps)
+pub fn aov(shadows: ShadowSource) -> Permutation {
+    shadows.flags(Permutation::plain("post/aov.cs.wesl"))
 }
 
 /// Shadow maps, drawn by the hardware, for other programs.
@@ -318,11 +350,9 @@ pub fn visibility(indexed: bool, masked: bool, layer: Layer) -> Permutation {
 }
 
 /// Forward shading.
-pub fn forward(masked: bool, multisampled: bool, float_maps: bool) -> Permutation {
-    Permutation::plain("direct/forward.vs.wesl")
-        .flag("masked", masked)
-        .flag("multisampled", multisampled)
-        .flag(FLOAT_MAPS, float_maps)
+pub fn forward(masked: bool, multisampled: bool, shadows: ShadowSource) -> Permutation {
+    let entry = Permutation::plain("direct/forward.vs.wesl");
+    shadows.flags(entry.flag("masked", masked).flag("multisampled", multisampled))
 }
 
 #[cfg(test)]

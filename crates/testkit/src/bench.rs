@@ -88,7 +88,7 @@ impl Bench {
         let library = self.kit.library.clone().with(&[shader]);
         let layouts = [&self.kit.frame_layout, &self.kit.scene_layout];
         // Of what reads shadow maps.
-        let entry = Permutation::plain(shader.0).flag("float_maps", false);
+        let entry = Permutation::plain(shader.0).flag("float_maps", false).flag("traced", false);
         let pipeline = need(ComputePipeline::new(&self.gpu, &library, &entry, &layouts, constants));
         let bytes = count * size_of::<T>();
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;

@@ -142,7 +142,7 @@ pub fn draw(
         Source::Quantity(aov) => outputs.surface.as_ref().map(|surface| {
             sum.restart();
             let inputs = (surface, &outputs.shadows, &outputs.light_grid);
-            passes.aov.record(frame, group, inputs, (0, aov), sum);
+            passes.aov.record(frame, (group, &stage.loaded.gpu), inputs, (0, aov), sum);
             (Handle::Texture(sum.texture().clone()), aov.hint(), aov.hint().about.to_owned())
         }),
         Source::Resource(name) => frame.resources().find(|resource| resource.name == name).map(|resource| {

@@ -32,7 +32,7 @@ impl PicturePasses {
 }
 
 fn aov(kit: &Kit, permutations: Permutations) -> Result<AovPass, Error> {
-    Ok(AovPass::new(&kit.gpu, &kit.library, &kit.frame_layout, permutations, 1)?)
+    Ok(AovPass::new(kit, permutations, 1)?)
 }
 
 /// Everything that is compiled.

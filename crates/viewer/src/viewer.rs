@@ -1,10 +1,12 @@
 //! The viewer without its window.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
-use chiaro::scene::Source;
-use chiaro::{Gpu, GpuError, Library, Lookout, Recorder, Settings, View, wgpu};
+use chiaro::scene::{Scene, Source};
+use chiaro::techniques::shadow::ShadowSettings;
+use chiaro::{Gpu, GpuError, Library, Lookout, Recorder, Settings, Trees, View, wgpu};
 use egui_wgpu::ScreenDescriptor;
 
 use crate::buffers::Place;
@@ -116,6 +118,8 @@ pub(crate) enum Report {
     Started(Result<(Box<Engine>, Result<Box<Stage>, String>), String>),
     Loaded(Result<Box<Stage>, String>),
     Rebuilt(Result<Box<Rebuilt>, String>, Purpose),
+    /// Of which scene.
+    Grown(Result<Box<Trees>, String>, Arc<Scene>),
     Written(Result<String, String>),
 }
 
@@ -148,6 +152,9 @@ pub struct Viewer {
     incoming: Option<Box<Stage>>,
     pub(crate) loading: Option<Source>,
     pub(crate) building: bool,
+    // Trees for rays through the scene: whether some are being built, and some that still need passes.
+    growing: bool,
+    grown: Option<Box<Trees>>,
     // What the panel shows; in force once everything it needs is compiled.
     pub(crate) wanted: Settings,
     start: StartCamera,
@@ -234,6 +241,8 @@ impl Viewer {
             incoming: None,
             loading: Some(options.scene.clone()),
             building: false,
+            growing: false,
+            grown: None,
             wanted: options.settings,
             start: options.camera,
             eye: Eye::Placed(0),
@@ -315,7 +324,7 @@ impl Viewer {
     /// Whether nothing is being loaded or compiled, and the settings shown are in force.
     pub fn is_settled(&self) -> bool {
         let in_force = self.engine.as_ref().is_some_and(|engine| *engine.renderer.settings() == self.wanted);
-        in_force && self.loading.is_none() && self.incoming.is_none() && !self.building
+        in_force && self.loading.is_none() && self.incoming.is_none() && !self.building && !self.growing
     }
 
     /// The picture without the panel, 8-bit sRGB; `None` before the first frame of a scene.
@@ -483,6 +492,18 @@ impl Viewer {
                     self.loading = None;
                     self.notices.fail(error);
                 }
+                Report::Grown(trees, scene) => {
+                    self.growing = false;
+                    // Another scene may have come meanwhile.
+                    let is_due = self.coming().is_some_and(|stage| Arc::ptr_eq(&stage.scene, &scene));
+                    match trees {
+                        Ok(trees) => self.grown = is_due.then_some(trees),
+                        Err(error) => {
+                            self.panel.settings_error = Some(error);
+                            self.wanted.shadow.layout = ShadowSettings::default().layout;
+                        }
+                    }
+                }
                 Report::Written(Ok(names)) => self.notices.tell(format!("wrote {names}")),
                 Report::Written(Err(error)) => self.notices.fail(error),
                 Report::Rebuilt(Err(error), Purpose::Shaders) => {
@@ -513,13 +534,41 @@ impl Viewer {
         }
     }
 
+    /// The scene that is to be shown next.
+    fn coming(&mut self) -> Option<&mut Stage> {
+        self.incoming.as_deref_mut().or(self.stage.as_mut())
+    }
+
+    /// Has trees built for rays, where settings ask for some and the scene has none, or others are due; whether it lacks
+    /// any.
+    fn grow(&mut self) -> bool {
+        let (busy, wanted) = (self.growing || self.grown.is_some(), self.wanted.clone());
+        let Some(stage) = self.coming() else { return false };
+        let lacks = stage.loaded.lacks_trees(&wanted);
+        if !busy && (lacks || stage.loaded.trees_are_due()) {
+            let (scene, pose, moved) = (stage.scene.clone(), stage.pose.clone(), stage.loaded.moved());
+            let gpu = self.gpu.clone();
+            self.growing = true;
+            self.jobs.start(move || {
+                let trees = Trees::build(&gpu, &scene, &pose, &moved);
+                Report::Grown(trees.map(Box::new).map_err(|e| e.to_string()), scene)
+            });
+        }
+        lacks && self.grown.is_none()
+    }
+
     /// Brings settings and the scene into force as far as that needs no compiling, and has the rest compiled.
     fn settle(&mut self) {
+        if self.engine.is_some() && self.grow() {
+            return self.apply_what_is_free();
+        }
+        let facts = self.coming().map(|stage| stage.loaded.gpu.facts).unwrap_or_default();
+        let facts = self.grown.as_ref().map_or(facts, |trees| trees.facts(facts));
         let Some(engine) = &mut self.engine else { return };
-        if self.incoming.is_none() && *engine.renderer.settings() == self.wanted {
+        let is_settled = self.incoming.is_none() && self.grown.is_none();
+        if is_settled && *engine.renderer.settings() == self.wanted {
             return;
         }
-        let facts = self.incoming.as_ref().map(|stage| stage.loaded.gpu.facts).unwrap_or_default();
         let plan = match engine.renderer.plan(self.wanted.clone(), facts) {
             Ok(plan) => plan,
             Err(error) => {
@@ -534,6 +583,14 @@ impl Viewer {
                 Ok(nothing) => engine.install(nothing),
                 Err(_) => return,
             };
+            if let Some(trees) = self.grown.take()
+                && let Some(stage) = self.coming()
+            {
+                let scene = stage.scene.clone();
+                if let Err(error) = stage.loaded.give_trees(&scene, *trees) {
+                    self.notices.fail(error.to_string());
+                }
+            }
             if let Some(stage) = self.incoming.take() {
                 self.show(*stage);
             }

@@ -139,6 +139,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
     for row in &rows {
         bar.set_message(row.name.clone());
         session.renderer.set(row.settings(&base)?)?;
+        session.renderer.equip(&session.source, &mut session.scene)?;
         picture(&mut session, &args.output.join(file_name(&row.name)))?;
         let measured = measure(&mut session, args.frames, || bar.tick())?;
         costs.push(cost(row, measured));

@@ -3,14 +3,17 @@
 mod frame;
 mod options;
 
-use chiaro_gpu::{Buffer, Frame, Gpu, Readback, Texture, wgpu};
+use chiaro_gpu::{Buffer, Frame, Gpu, Readback, Texture, parallel, wgpu};
 use chiaro_scene::{Pose, Scene};
 use chiaro_techniques::Pass;
 use chiaro_techniques::frame::FrameGroup;
-use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceScene};
+use chiaro_techniques::rays::{Refit, TraceData, TraceScene};
 use chiaro_techniques::reference::first_hit::{FirstHitSum, FirstHitTracer};
-use chiaro_techniques::reference::path::{Interfaces, PathNoise, PathOptions, PathSum, PathTracer};
-use chiaro_techniques::reference::photon::{PhotonMap, PhotonOptions, PhotonTracer, PhotonView, Specular};
+use chiaro_techniques::reference::path::{
+    EmitterData, Emitters, PathNoise, PathOptions, PathSum, PathTracer,
+};
+use chiaro_techniques::reference::photon::{PhotonMap, PhotonOptions, PhotonTracer, PhotonView};
+use chiaro_techniques::reference::{Interfaces, Specular};
 use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::scene::motion::Motion;
 use chiaro_techniques::shared::albedo_table::AlbedoTable;
@@ -44,6 +47,7 @@ pub struct Reference {
     kit: Kit,
     frame_group: FrameGroup,
     traced: TraceScene,
+    emitters: Emitters,
     tracer: PathTracer,
     noise: PathNoise,
     photons: Option<Photons>,
@@ -75,7 +79,7 @@ struct Following {
 
 impl Following {
     fn new(kit: &Kit) -> Result<Self, Error> {
-        let (motion, refit) = (Motion::compile(kit, &())?, Refit::new(&kit.gpu, &kit.library)?);
+        let (motion, refit) = (Motion::compile(kit, &())?, Refit::compile(kit, &())?);
         Ok(Self { motion, refit })
     }
 }
@@ -113,7 +117,9 @@ impl Reference {
     ) -> Result<Self, Error> {
         scene.validate()?;
         let gpu = &kit.gpu;
-        let traced = TraceData::build(scene, pose).upload(gpu)?;
+        let (trees, emitters) =
+            parallel::join(|| TraceData::build(scene, pose, &[]), || EmitterData::build(scene, pose));
+        let (traced, emitters) = (trees.upload(gpu)?, emitters.upload(gpu)?);
         let specular = Specular::of(scene);
         let specular_ws = specular.bounds_ws(scene, pose);
         let facts = (facts, traced.facts, Interfaces::of(scene, &specular));
@@ -137,6 +143,7 @@ impl Reference {
             kit: kit.clone(),
             frame_group: FrameGroup::new(gpu, &kit.frame_layout, &AlbedoTable::compile(kit, &())?.texture),
             traced,
+            emitters,
             tracer,
             noise: PathNoise::new(gpu, &kit.library)?,
             photons: photons.transpose()?,
@@ -205,7 +212,10 @@ impl Reference {
         }
         let gpu = &self.kit.gpu;
         if !self.traced.update(gpu, scene, &loaded.pose) {
-            self.traced = TraceData::build(scene, &loaded.pose).upload(gpu)?;
+            self.traced = TraceData::build(scene, &loaded.pose, &loaded.gpu.motion.strayed()).upload(gpu)?;
+        }
+        if !self.emitters.update(gpu, scene, &loaded.pose) {
+            self.emitters = EmitterData::build(scene, &loaded.pose).upload(gpu)?;
         }
         if let Some(photons) = &mut self.photons {
             photons.specular_ws = photons.specular.bounds_ws(scene, &loaded.pose);
@@ -289,9 +299,10 @@ impl Reference {
         let ReferenceOptions { integrator, max_depth, diffuse_bounces, seed } = self.options;
         if let Some(Following { motion, refit }) = self.following.as_mut().filter(|_| self.traced.stale()) {
             motion.record(frame, &loaded.gpu);
-            refit.record(frame, &loaded.gpu, &mut self.traced);
+            refit.record(frame, &loaded.gpu, &self.traced);
         }
-        let scene = (self.frame_group.group(), &loaded.gpu, &self.traced);
+        let scene = (self.frame_group.group(), &loaded.gpu);
+        let target = (&self.traced, &self.emitters);
         let (first, round) = (self.sum.samples(), self.round());
         let (rows_done, under_way) = self.sum.rows_ahead();
         let alone = integrator == Integrator::Photon;
@@ -303,7 +314,7 @@ impl Reference {
             let lanes = (work / u64::from(round)).clamp(u64::from(LEAST_LANES), u64::from(u32::MAX)) as u32;
             let end = lanes_done.saturating_add(lanes).min(map.lanes());
             let traced = u64::from(end - *lanes_done) * u64::from(round);
-            tracer.record(frame, scene, options, (first, round), (map, *lanes_done..end));
+            tracer.record(frame, scene, target, options, (first, round), (map, *lanes_done..end));
             *lanes_done = end;
             return traced;
         }
@@ -319,7 +330,7 @@ impl Reference {
         let row = u64::from(count) * u64::from(width);
         let bands = (work / (row * u64::from(BAND))).clamp(1, u64::from(u32::MAX / BAND)) as u32;
         let rows = (bands * BAND).min(height - rows_done);
-        self.tracer.record(frame, scene, path, (count, rows), (&mut self.sum, map));
+        self.tracer.record(frame, scene, target, path, (count, rows), (&mut self.sum, map));
         // What is read between dispatches must be of whole passes, all of the same.
         if self.sum.rows_ahead().1 == 0 {
             if let Some(photons) = &mut self.photons {
@@ -327,7 +338,7 @@ impl Reference {
             }
             if let Some(observer) = &self.observer {
                 for sum in &mut self.observed {
-                    observer.record(frame, scene, seed, (first, count), sum);
+                    observer.record(frame, (scene.0, scene.1, &self.traced), seed, (first, count), sum);
                 }
             }
         }

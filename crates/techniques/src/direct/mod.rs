@@ -36,20 +36,21 @@ pub struct Permutations {
     pub shadow: Lookup,
     /// Samples per pixel of the forward pipeline; `None` for the deferred one.
     pub forward: Option<u32>,
-    /// What materials use; of the deferred pipeline only whether they glow.
+    /// What materials use; of the deferred pipeline only whether they glow, and what rays may meet.
     pub facts: SceneFacts,
 }
 
 impl Permutations {
     /// Those that settings ask for.
     pub fn new(shadow: &ShadowSettings, forward: Option<u32>, facts: SceneFacts) -> Self {
-        let deferred = SceneFacts { glows: facts.glows, ..SceneFacts::default() };
-        Self { shadow: Lookup::new(shadow), forward, facts: if forward.is_some() { facts } else { deferred } }
+        let shadow = Lookup::new(shadow);
+        let deferred = SceneFacts { glows: facts.glows, ..shadow.facts(facts) };
+        Self { shadow, forward, facts: if forward.is_some() { facts } else { deferred } }
     }
 
     /// Constants of every shader that looks shadows up.
     pub fn constants(&self, gpu: &Gpu) -> Vec<(&'static str, f64)> {
-        self.shadow.constants(gpu)
+        self.shadow.constants(gpu, self.facts)
     }
 }
 
@@ -88,10 +89,10 @@ impl Pass for DirectLight {
         let Kit { gpu, library, frame_layout, scene_layout } = kit;
         let shared = &[frame_layout, scene_layout];
         let constants = permutations.constants(gpu);
-        let float_maps = permutations.shadow.float_maps;
+        let source = permutations.shadow.source;
         let grid = || ComputePipeline::new(gpu, library, &shaders::plain("light/grid.cs.wesl"), shared, &[]);
         let Some(msaa) = permutations.forward else {
-            let shade = shaders::shade(permutations.facts.glows, float_maps);
+            let shade = shaders::shade(permutations.facts.glows, source);
             let (shade, grid) =
                 parallel::join(|| ComputePipeline::new(gpu, library, &shade, shared, &constants), grid);
             return Ok(Self { grid: grid?, shading: Shading::Deferred(shade?), permutations });
@@ -117,7 +118,7 @@ impl Pass for DirectLight {
             RenderPipeline::new(
                 gpu,
                 library,
-                &shaders::forward(masked, multisampled, float_maps),
+                &shaders::forward(masked, multisampled, source),
                 shared,
                 &options,
             )
@@ -209,7 +210,7 @@ impl DirectLight {
     pub fn record_deferred(
         &self,
         frame: &mut Frame<'_>,
-        frame_group: &Group,
+        (frame_group, scene): (&Group, &SceneGpu),
         surface: &SurfaceBuffer,
         (shadows, light_grid): (&ShadowOutputs, &Buffer),
         radiance: &Texture,
@@ -225,7 +226,7 @@ impl DirectLight {
         }
         let options = radiance.options();
         let threads = Dispatch::Threads([options.width, options.height, 1]);
-        frame.compute("direct/shade", pipeline, &[frame_group], &binds, threads);
+        frame.compute("direct/shade", pipeline, &[frame_group, scene.group()], &binds, threads);
     }
 
     /// Forward: radiance from the camera's draw list, view 0; `sky` in stored units, `None` draws the environment.

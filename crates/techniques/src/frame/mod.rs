@@ -75,7 +75,8 @@ pub struct ShadowParameters {
     pub anisotropy: f32,
     pub min_variance: f32,
     pub clamps: u32,
-    pub reserved: [u32; 2],
+    pub rays: u32,
+    pub reserved: u32,
 }
 
 /// A light as shaders see it; see `frame.wesl`.

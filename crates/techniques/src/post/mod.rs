@@ -23,14 +23,15 @@ use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Mapping, Scale,
-    Texture, TextureOptions, TexturePool, ViewHint, parallel,
+    Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, Life, Mapping, Scale, Texture,
+    TextureOptions, TexturePool, ViewHint, parallel,
 };
 
 use crate::direct::{Permutations, lighting_binds, surface_binds};
-use crate::shaders;
+use crate::scene::SceneGpu;
 use crate::shadow::ShadowOutputs;
 use crate::view::SurfaceBuffer;
+use crate::{Kit, shaders};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -365,16 +366,11 @@ impl AovPass {
     ///
     /// # Errors
     /// When the shader does not compile.
-    pub fn new(
-        gpu: &Gpu,
-        library: &Library,
-        frame_layout: &GroupLayout,
-        permutations: Permutations,
-        count: usize,
-    ) -> Result<Self, GpuError> {
-        let entry = shaders::aov(permutations.shadow.float_maps);
+    pub fn new(kit: &Kit, permutations: Permutations, count: usize) -> Result<Self, GpuError> {
+        let Kit { gpu, library, frame_layout, scene_layout } = kit;
+        let entry = shaders::aov(permutations.shadow.source);
         let constants = permutations.constants(gpu);
-        let pipeline = ComputePipeline::new(gpu, library, &entry, &[frame_layout], &constants)?;
+        let pipeline = ComputePipeline::new(gpu, library, &entry, &[frame_layout, scene_layout], &constants)?;
         Ok(Self { pipeline, inputs: (0..count).map(|_| uniform::<[u32; 4]>(gpu, "aov_input")).collect() })
     }
 
@@ -382,7 +378,7 @@ impl AovPass {
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
-        frame_group: &Group,
+        (frame_group, scene): (&Group, &SceneGpu),
         (surface, shadows, light_grid): (&SurfaceBuffer, &ShadowOutputs, &Buffer),
         (index, aov): (usize, Aov),
         sum: &mut Sum,
@@ -394,7 +390,7 @@ impl AovPass {
         binds.push(("aov_input", input.into()));
         binds.push(("sum_before", sum.before().into()));
         binds.push(("sum", sum.after().into()));
-        frame.compute("post/aov", &self.pipeline, &[frame_group], &binds, over(sum));
+        frame.compute("post/aov", &self.pipeline, &[frame_group, scene.group()], &binds, over(sum));
         sum.frames += 1;
     }
 }

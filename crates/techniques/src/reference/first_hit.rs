@@ -16,7 +16,7 @@ use chiaro_gpu::{
     TextureOptions,
 };
 
-use crate::reference::bvh::{TraceFacts, TraceScene};
+use crate::rays::{TraceFacts, TraceScene};
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;
 

@@ -1,11 +1,12 @@
 //! Truth: light transport without shortcuts, on any GPU, which every real-time technique is measured against.
 //!
-//! - [`bvh`]: rays through the scene in compute; any technique may import `reference/traverse.wesl`.
 //! - [`path`]: paths from the camera.
 //! - [`photon`]: paths from the lights, for what the former do not find.
 //! - [`first_hit`]: what paths from the camera meet first.
 
-pub mod bvh;
 pub mod first_hit;
+mod interfaces;
 pub mod path;
 pub mod photon;
+
+pub use interfaces::{Interfaces, Specular};

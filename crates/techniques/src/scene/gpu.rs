@@ -93,6 +93,10 @@ pub struct SceneFacts {
     pub classes: u32,
     /// Whether any material shines by itself.
     pub glows: bool,
+    /// Of its trees for rays, once it has some; see `TraceFacts`.
+    pub tree_levels: u32,
+    /// See `tree_levels`.
+    pub tree_masks: bool,
 }
 
 impl SceneFacts {
@@ -117,6 +121,8 @@ impl SceneFacts {
             exact_textures: textures.exact,
             classes: drawn_materials(scene).fold(0, |all, m| all | 1 << class(m)),
             glows: scene.materials.iter().any(material::glows),
+            tree_levels: 0,
+            tree_masks: false,
         }
     }
 
@@ -129,6 +135,8 @@ impl SceneFacts {
             exact_textures: self.exact_textures | other.exact_textures,
             classes: self.classes | other.classes,
             glows: self.glows || other.glows,
+            tree_levels: self.tree_levels.max(other.tree_levels),
+            tree_masks: self.tree_masks || other.tree_masks,
         }
     }
 

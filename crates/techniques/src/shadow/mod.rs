@@ -41,6 +41,9 @@ pub use views::{CameraView, FitInputs, ShadowView, ShadowViews, fit};
 use chiaro_gpu::Gpu;
 
 use crate::frame::ShadowParameters;
+use crate::rays::TraceFacts;
+use crate::scene::SceneFacts;
+use crate::shaders::ShadowSource;
 
 /// What shaders that look shadows up are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,8 +55,8 @@ pub struct Lookup {
     select: CascadeSelect,
     tint: bool,
     darkens_color: bool,
-    /// Whether maps hold plain numbers instead of a depth format.
-    pub float_maps: bool,
+    /// What they are looked up in.
+    pub source: ShadowSource,
 }
 
 impl Lookup {
@@ -67,12 +70,27 @@ impl Lookup {
             select: settings.cascade_select,
             tint: settings.transmission_tint,
             darkens_color: settings.darkened() != Darkens::Direct,
-            float_maps: settings.computes_maps(),
+            source: match settings.layout {
+                Layout::Traced => ShadowSource::Rays,
+                _ if settings.computes_maps() => ShadowSource::FloatMaps,
+                _ => ShadowSource::DepthMaps,
+            },
         }
     }
 
+    /// What shaders that look shadows up are made from: rays meet masks and tints, and so materials.
+    pub fn facts(self, facts: SceneFacts) -> SceneFacts {
+        if self.source == ShadowSource::Rays { facts } else { SceneFacts::default() }
+    }
+
     /// The constants of the lookups.
-    pub fn constants(self, gpu: &Gpu) -> Vec<(&'static str, f64)> {
+    pub fn constants(self, gpu: &Gpu, facts: SceneFacts) -> Vec<(&'static str, f64)> {
+        if self.source == ShadowSource::Rays {
+            let tints = f64::from(u8::from(self.tint));
+            let mut constants = [&facts.constants()[..], &TraceFacts::of(facts).constants()].concat();
+            constants.extend([("TINTS", tints), ("DARKENS_COLOR", f64::from(u8::from(self.darkens_color)))]);
+            return constants;
+        }
         let filter = match self.filter {
             Filter::None => 0.0,
             Filter::Pcf if self.kernel == PcfKernel::Disc => 2.0,
@@ -117,7 +135,8 @@ impl ShadowSettings {
             anisotropy: self.anisotropy as f32,
             min_variance: self.min_variance,
             clamps: u32::from(self.darkened() == Darkens::ColorClamped),
-            reserved: [0; 2],
+            rays: self.rays,
+            reserved: 0,
         }
     }
 }

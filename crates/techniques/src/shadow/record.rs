@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Bind, DepthAttachment, Frame, Gpu, GpuError, Group, History, Life, Mapping, RenderPipeline,
+    Bind, Buffer, DepthAttachment, Frame, Gpu, GpuError, Group, History, Life, Mapping, RenderPipeline,
     RenderPipelineOptions, Targets, Texture, TextureOptions, ViewHint, parallel,
 };
 use glam::Vec4Swizzles;
@@ -39,6 +39,8 @@ pub struct ShadowOutputs {
     pub moments: MomentOutputs,
     /// See-through casters, with `shadow.transmission_tint`.
     pub tint: TintMaps,
+    /// The scene's trees, for rays that take the place of maps.
+    pub tracer: Option<Buffer>,
 }
 
 impl ShadowOutputs {
@@ -61,13 +63,15 @@ impl ShadowOutputs {
             gather,
             moments: MomentOutputs::stand_in(gpu),
             tint: TintMaps::new(gpu, 1, 1),
+            tracer: None,
         }
     }
 
-    /// What `shadow/lookup.wesl` binds.
+    /// What `shadow/lookup.wesl` and `shadow/traced.wesl` bind.
     pub fn binds(&self) -> Vec<Bind<'_>> {
         let mut binds = self.moments.binds().to_vec();
         binds.extend(self.tint.binds());
+        binds.extend(self.tracer.as_ref().map(|tracer| ("tracer", tracer.into())));
         binds.extend([
             ("shadow_maps", (&self.maps).into()),
             ("shadow_compare", (&self.compare).into()),
@@ -147,6 +151,8 @@ pub struct ShadowInputs<'a> {
     pub culling: &'a Culling,
     /// The picture's, for cascades that are fitted to it.
     pub depth: Option<&'a Texture>,
+    /// The scene's trees, where it has any.
+    pub tracer: Option<&'a Buffer>,
     /// How.
     pub settings: &'a ShadowSettings,
 }
@@ -385,7 +391,7 @@ impl ShadowMaps {
                 _ => room.rendered.keep([self.id, scene.id()], Rendered { views: views.clone(), pose }),
             }
         }
-        room.outputs.clone()
+        ShadowOutputs { tracer: inputs.tracer.cloned(), ..room.outputs.clone() }
     }
 
     fn record_batch(

@@ -10,6 +10,8 @@ choice! {
         Cascaded = "cascaded",
         /// One map per sun around all that the camera sees.
         Single = "single",
+        /// Rays instead of maps, to every light (`shadow.rays`): exact, and dearer.
+        Traced = "traced",
         /// No shadows, of any light.
         None = "none",
     }
@@ -244,18 +246,18 @@ impl crate::settings::Value for Splits {
 settings! {
     /// Shadows.
     pub struct ShadowSettings: "shadow" {
-        /// Maps of suns: cascades, one map, or no shadows of any light at all. Spots have one map, points what
-        /// shadow.point_layout says.
-        layout: Layout = Layout::Cascaded, "", (), Resources;
+        /// Maps of suns: cascades, or one map; spots have one map, points what shadow.point_layout says. Or rays through the
+        /// scene's triangles to every light instead of maps; or no shadows of any light at all.
+        layout: Layout = Layout::Cascaded, "", (), Permutation;
         /// Maps of point lights.
-        point_layout: PointLayout = PointLayout::Cube, "", (), Permutation, only "shadow.layout!=none";
+        point_layout: PointLayout = PointLayout::Cube, "", (), Permutation, only "shadow.layout=single|cascaded";
         /// What maps hold: depth, or moments of depth that can be blurred and mipmapped.
-        representation: Representation = Representation::Depth, "", (), Permutation, only "shadow.layout!=none";
+        representation: Representation = Representation::Depth, "", (), Permutation, only "shadow.layout=single|cascaded";
         /// How a map is filtered. Depth takes none, pcf and pcss; all others none, gaussian, mip and gaussian-mip.
-        filter: Filter = Filter::Pcf, "", (), Permutation, only "shadow.layout!=none";
+        filter: Filter = Filter::Pcf, "", (), Permutation, only "shadow.layout=single|cascaded";
         /// Side of each shadow map. More sharpens shadows and costs 4 bytes a texel (and 4 a channel of moments) and raster
         /// time.
-        resolution: u32 = 2048, "texels", 16..=8192, Resources, only "shadow.layout!=none";
+        resolution: u32 = 2048, "texels", 16..=8192, Resources, only "shadow.layout=single|cascaded";
         /// Maps of a sun. More sharpens near shadows and costs a map each.
         cascades: u32 = 4, "maps", 1..=8, Resources, only "shadow.layout=cascaded";
         /// Where cascades part: 0 evenly along the view, 1 by equal ratios of distance (Zhang et al. 2006, eq. 5).
@@ -264,7 +266,7 @@ settings! {
         /// fewer than cascades: the last reaches as far as the scene; as many: beyond the last nothing is in shadow.
         splits: Splits = Splits(Vec::new()), "m", (), Uniform, only "shadow.layout=cascaded";
         /// What cascades are fitted to: the camera's view, or what is in the picture.
-        fit: Fit = Fit::Frustum, "", (), Permutation, only "shadow.layout!=none";
+        fit: Fit = Fit::Frustum, "", (), Permutation, only "shadow.layout=single|cascaded";
         /// Share of a cascade over which it fades into the next.
         blend: f32 = 0.1, "of a cascade", 0.0..=1.0, Uniform, only "shadow.layout=cascaded and shadow.cascades!=1";
         /// Which cascade a point is looked up in.
@@ -279,8 +281,13 @@ settings! {
                   shadow.filter=pcss and shadow.bias.receiver_plane=false";
         /// Weights of the blur: binomial, or a Gaussian of this standard deviation in texels.
         sigma: Sigma = Sigma(None), "texels", 0.1..=32.0, Uniform, only "shadow.filter=gaussian|gaussian-mip";
-        /// How large lights are, for pcss: across a sun in radians (ours is 0.0093), across other lights in metres.
-        light_size: f32 = 0.02, "rad or m", 0.0..=10.0, Uniform, only "shadow.filter=pcss";
+        /// How large lights are, for pcss and for several rays: across a sun in radians (ours is 0.0093), across other
+        /// lights in metres.
+        light_size: f32 = 0.02, "rad or m", 0.0..=10.0, Uniform,
+            only "shadow.filter=pcss or shadow.layout=traced and shadow.rays!=1";
+        /// Rays from a place to each light: 1 goes to its middle and finds hard shadows, more are spread over
+        /// shadow.light_size. Each costs a ray a pixel and light.
+        rays: u32 = 1, "rays", 1..=64, Uniform, only "shadow.layout=traced";
         /// Steepness c of the exponential map's e^(c·depth). Steeper leaks less; 32-bit floats end at 88.
         exponent: f32 = 80.0, "", 1.0..=85.0, Uniform, only "shadow.representation=exponential";
         /// Steepness of the positive warp of evsm2 and evsm4.
@@ -307,10 +314,10 @@ settings! {
         /// Light that reaches what lies in shadow, as a share: 0 is physical.
         floor: f32 = 0.0, "", 0.0..=1.0, Uniform, only "shadow.representation!=depth or shadow.darkens!=thesis";
         /// All maps together, and what they are made with, take at most this much; beyond it the resolution is halved, and said.
-        memory_budget: u32 = 1024, "MiB", 1..=65536, Resources, only "shadow.layout!=none";
+        memory_budget: u32 = 1024, "MiB", 1..=65536, Resources, only "shadow.layout=single|cascaded";
         /// Whether maps whose light, camera and casters rest are kept from frame to frame. Off renders all of them every
         /// frame, as for lights that move.
-        cache: bool = true, "", (), Uniform, only "shadow.layout!=none";
+        cache: bool = true, "", (), Uniform, only "shadow.layout=single|cascaded";
         /// Whether every texel is compared with the receiver's plane at that texel: a plane then needs no other bias, at
         /// the cost of comparing in the shader. Without it the hardware compares, all texels with one depth.
         bias_receiver_plane as "bias.receiver_plane": bool = true, "", (), Permutation,
@@ -319,17 +326,17 @@ settings! {
         /// receiver's plane, else the filter's reach): 1 is enough.
         /// More hides acne on curved surfaces and lets thin shadows shrink.
         bias_normal_offset as "bias.normal_offset": f32 = 1.0, "of what is needed", 0.0..=8.0, Uniform,
-            only "shadow.layout!=none";
+            only "shadow.layout=single|cascaded";
         /// Receiver offset towards the light that grows with tan θ, as a share of what a plane needs.
-        bias_slope as "bias.slope": f32 = 0.0, "of what is needed", 0.0..=8.0, Uniform, only "shadow.layout!=none";
+        bias_slope as "bias.slope": f32 = 0.0, "of what is needed", 0.0..=8.0, Uniform, only "shadow.layout=single|cascaded";
         /// Receiver offset towards the light, in texels of the map at the receiver.
-        bias_constant as "bias.constant": f32 = 0.25, "texels", 0.0..=64.0, Uniform, only "shadow.layout!=none";
+        bias_constant as "bias.constant": f32 = 0.25, "texels", 0.0..=64.0, Uniform, only "shadow.layout=single|cascaded";
         /// What rasters the maps: the hardware, or compute on GPUs that have little raster hardware. Paraboloids and tinted
         /// light take the hardware all the same.
         raster: Raster = Raster::Auto, "", (), Permutation,
             only "shadow.point_layout=cube and shadow.transmission_tint=false";
         /// Whether only back faces cast: no acne on closed objects, but light leaks at their feet.
-        bias_cull_front as "bias.cull_front": bool = false, "", (), Permutation, only "shadow.layout!=none";
+        bias_cull_front as "bias.cull_front": bool = false, "", (), Permutation, only "shadow.layout=single|cascaded";
     }
 }
 
@@ -347,7 +354,7 @@ impl ShadowSettings {
 
     /// Why these settings do not go together, if they do not.
     pub fn refused(&self) -> Option<String> {
-        if self.layout == Layout::None {
+        if matches!(self.layout, Layout::None | Layout::Traced) {
             return None;
         }
         let pair = (self.representation, self.filter);

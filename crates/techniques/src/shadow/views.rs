@@ -81,7 +81,7 @@ pub fn fit(lights: &mut [LightData], inputs: &FitInputs<'_>) -> ShadowViews {
     }
     let mut out = ShadowViews::default();
     let settings = inputs.settings;
-    if settings.layout == Layout::None {
+    if matches!(settings.layout, Layout::None | Layout::Traced) {
         return out;
     }
     let mut total = 0;

@@ -102,8 +102,8 @@ impl Pass for Transparency {
         let resolve = shaders::resolve(facts.glows, true);
         let resolve = || ComputePipeline::new(gpu, library, &resolve, shared, &materials);
         let behind = |after| ComputePipeline::new(gpu, library, &shaders::behind(after == 0), &[], &[]);
-        let constants = shadow.constants(gpu);
-        let shade = shaders::shade_layer(facts.glows, shadow.float_maps);
+        let constants = shadow.constants(gpu, facts);
+        let shade = shaders::shade_layer(facts.glows, shadow.source);
         let shade = || ComputePipeline::new(gpu, library, &shade, shared, &constants);
         let ((shade, peel), (resolve, behind)) = parallel::join(
             || parallel::join(shade, || parallel::each(2, peels)),

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use chiaro::scene::{Environment, LightKind, Material, Scene};
 use chiaro_gpu::Dispatch;
 use chiaro_techniques::frame::FrameData;
-use chiaro_techniques::reference::bvh::TraceData;
+use chiaro_techniques::reference::path::EmitterData;
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_testkit::{Bench, Stage, device_guaranteed};
 use glam::{Vec2, Vec3};
@@ -45,10 +45,10 @@ fn draw(scene: &Scene, turn_rad: f32, case: Case) -> Vec<[f32; 4]> {
     let bench = Bench::new(&gpu);
     bench.set_frame(&FrameData { environment_turn: [turn_rad.cos(), turn_rad.sin()], ..FrameData::zeroed() });
     let loaded = SceneGpu::upload(&gpu, &bench.kit.scene_layout, scene).unwrap();
-    let traced = TraceData::build(scene, &scene.pose(0.0)).upload(&gpu).unwrap();
+    let emitters = EmitterData::build(scene, &scene.pose(0.0)).upload(&gpu).unwrap();
     let shader = ("tests/emitter_sample.cs.wesl", include_str!("wesl/emitter_sample.cs.wesl"));
     let buffer = bench.buffer("case_", &[case]);
-    let binds = [("case_", (&buffer).into()), ("tracer", (&traced.words).into())];
+    let binds = [("case_", (&buffer).into()), ("emitters", (&emitters.words).into())];
     let work = (Dispatch::Threads([65_536, case.count().div_ceil(65_536) as u32, 1]), case.count());
     bench.run(shader, &[], Some(&loaded), &binds, work)
 }

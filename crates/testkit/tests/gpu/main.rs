@@ -29,6 +29,7 @@ mod shadow_moments;
 mod shadow_raster;
 mod shadow_table;
 mod shadow_thesis;
+mod shadow_traced;
 mod shadows;
 mod strict;
 mod surface;

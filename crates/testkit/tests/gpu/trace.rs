@@ -11,7 +11,7 @@ use chiaro::scene::{
 use chiaro_gpu::shader::Permutation;
 use chiaro_gpu::wgpu::{TextureFormat, TextureUsages};
 use chiaro_gpu::{ComputePipeline, Dispatch, Gpu, Life, Readback, Recorder, Texture, TextureOptions};
-use chiaro_techniques::reference::bvh::{Refit, TraceData, TraceFacts, TraceScene, WORN};
+use chiaro_techniques::rays::{Refit, TraceData, TraceFacts, TraceScene, WORN};
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::scene::motion::Motion;
 use chiaro_techniques::{Pass, shaders};
@@ -35,7 +35,7 @@ struct Ray {
 fn shoot(gpu: &Gpu, scene: &Scene, rays: &[Ray]) -> Vec<[f32; 4]> {
     let bench = Bench::new(gpu);
     let loaded = SceneGpu::upload(gpu, &bench.kit.scene_layout, scene).unwrap();
-    let traced = TraceData::build(scene, &scene.pose(0.0)).upload(gpu).unwrap();
+    let traced = TraceData::build(scene, &scene.pose(0.0), &[]).upload(gpu).unwrap();
     shoot_at(gpu, (&bench, &loaded, &traced), rays)
 }
 
@@ -52,16 +52,15 @@ impl Following {
     fn new(gpu: &Gpu, scene: &Scene) -> Self {
         let bench = Bench::new(gpu);
         let loaded = SceneGpu::upload(gpu, &bench.kit.scene_layout, scene).unwrap();
-        let traced = TraceData::build(scene, &scene.pose(0.0)).upload(gpu).unwrap();
-        let library = shaders::library();
-        let passes = (Motion::compile(&bench.kit, &()).unwrap(), Refit::new(gpu, &library).unwrap());
+        let traced = TraceData::build(scene, &scene.pose(0.0), &[]).upload(gpu).unwrap();
+        let passes = (Motion::compile(&bench.kit, &()).unwrap(), Refit::compile(&bench.kit, &()).unwrap());
         Self { bench, loaded, traced, passes, recorder: Recorder::new(gpu, false) }
     }
 
     /// Other trees by the same passes.
     fn load(&mut self, gpu: &Gpu, scene: &Scene) {
         self.loaded = SceneGpu::upload(gpu, &self.bench.kit.scene_layout, scene).unwrap();
-        self.traced = TraceData::build(scene, &scene.pose(0.0)).upload(gpu).unwrap();
+        self.traced = TraceData::build(scene, &scene.pose(0.0), &[]).upload(gpu).unwrap();
     }
 
     fn go_to(&mut self, gpu: &Gpu, scene: &Scene, time_s: f64) {
@@ -70,7 +69,7 @@ impl Following {
         assert!(self.traced.update(gpu, scene, &pose));
         let mut frame = self.recorder.begin();
         self.passes.0.record(&mut frame, &self.loaded);
-        self.passes.1.record(&mut frame, &self.loaded, &mut self.traced);
+        self.passes.1.record(&mut frame, &self.loaded, &self.traced);
         frame.submit();
     }
 
@@ -355,7 +354,7 @@ fn trees_of_few_triangles_are_met_alone_and_beside_others_wherever_they_go() {
 
 #[test]
 fn shaders_leave_out_what_a_scene_does_not_have() {
-    let facts = |scene: &Scene| TraceData::build(scene, &scene.pose(0.0)).facts();
+    let facts = |scene: &Scene| TraceData::build(scene, &scene.pose(0.0), &[]).facts();
     let mut stage = Stage::floor(0.5);
     assert_eq!(facts(&stage.scene), TraceFacts { levels: 0, masks: false });
     stage.scene.materials[0].alpha = AlphaMode::Mask { cutoff: 0.5 };
@@ -378,7 +377,7 @@ fn a_tree_wears_as_its_mesh_bends_away_from_what_it_was_built_for() {
     let worn = following.wear(&gpu);
     assert!(worn > WORN, "{worn}");
     let pose = scene.pose(1.0);
-    following.traced = TraceData::build(&scene, &pose).upload(&gpu).unwrap();
+    following.traced = TraceData::build(&scene, &pose, &[]).upload(&gpu).unwrap();
     following.go_to(&gpu, &scene, 1.0);
     let anew = following.wear(&gpu);
     assert!((anew - 1.0).abs() < 0.02, "{anew}");

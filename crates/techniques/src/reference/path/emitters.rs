@@ -5,12 +5,16 @@
 
 use std::f32::consts::PI;
 
+use chiaro_gpu::wgpu::BufferUsages;
+use chiaro_gpu::{Buffer, Gpu, GpuError};
 use chiaro_scene as cs;
 use glam::Vec3;
 
+use super::lamps::Lamps;
 use crate::frame::LightData;
 use crate::light::light_data;
-use crate::reference::bvh::{TriangleRef, Word};
+use crate::rays::{TriangleRef, Word, placed_triangles};
+use crate::scene::Cut;
 
 /// Kinds, in the top bits of an emitter's third word.
 const TRIANGLE: u32 = 1 << 30;
@@ -18,8 +22,84 @@ const ENVIRONMENT: u32 = 2 << 30;
 /// Columns of the environment's table at most.
 const COLUMNS: u32 = 1024;
 
+/// Words before the tables: where they are.
+const HEADER: usize = 2;
+
+/// What shines in a scene as shaders read it, made on the CPU by any thread.
+#[derive(Clone, Debug)]
+pub struct EmitterData {
+    words: Vec<Word>,
+    lamps: Lamps,
+}
+
+/// [`EmitterData`] on the GPU.
+#[derive(Clone, Debug)]
+pub struct Emitters {
+    /// What `emitters.wesl` calls `emitters`.
+    pub words: Buffer,
+    count: usize,
+    lamps: Lamps,
+}
+
+impl EmitterData {
+    /// Looks at a scene as it stands in a pose.
+    pub fn build(scene: &cs::Scene, pose: &cs::Pose) -> Self {
+        Self { words: words(scene, pose), lamps: Lamps::new(scene, pose) }
+    }
+
+    /// Uploads.
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`] when the adapter cannot bind so much.
+    pub fn upload(self, gpu: &Gpu) -> Result<Emitters, GpuError> {
+        let needed = size_of_val(self.words.as_slice()) as u64;
+        let limit = gpu.limits.max_storage_buffer_binding_size;
+        if needed > limit {
+            return Err(GpuError::TooLarge {
+                what: "the table of all that glows".into(),
+                needed,
+                limit,
+                unit: "bytes",
+                advice: "let fewer triangles glow",
+            });
+        }
+        let words = Buffer::with_data(gpu, "emitters", &self.words, BufferUsages::STORAGE);
+        Ok(Emitters { words, count: self.words.len(), lamps: self.lamps })
+    }
+}
+
+impl Emitters {
+    /// Takes a new pose of the scene that this was built from, for the commands submitted next. `false` when only building
+    /// anew will do: a glowing triangle has stopped or begun to be finite.
+    #[must_use]
+    pub fn update(&mut self, gpu: &Gpu, scene: &cs::Scene, pose: &cs::Pose) -> bool {
+        if self.lamps.changed(pose) {
+            let words = words(scene, pose);
+            if words.len() != self.count {
+                return false;
+            }
+            gpu.queue.write_buffer(self.words.raw(), 0, bytemuck::cast_slice(&words));
+        }
+        true
+    }
+}
+
+/// All that shines, as it stands in a pose.
+fn words(scene: &cs::Scene, pose: &cs::Pose) -> Vec<Word> {
+    let mut gathered = Gathered::new(scene, pose);
+    if gathered.materials.iter().any(|glow| *glow > 0.0) {
+        let cut = Cut::new(scene, pose);
+        for drawn in &cut.drawn {
+            for triangle in placed_triangles(scene, &cut, drawn) {
+                gathered.add_triangle(&triangle);
+            }
+        }
+    }
+    gathered.words()
+}
+
 /// Emitters being gathered.
-pub(crate) struct Emitters {
+struct Gathered {
     /// What a material emits, by the largest channel of its factor and the largest alpha that it may have.
     materials: Vec<f32>,
     lights: Vec<f32>,
@@ -36,8 +116,8 @@ struct Table {
     densities: Vec<f32>,
 }
 
-impl Emitters {
-    pub fn new(scene: &cs::Scene, pose: &cs::Pose) -> Self {
+impl Gathered {
+    fn new(scene: &cs::Scene, pose: &cs::Pose) -> Self {
         let (lo, hi) = scene.bounds_at(pose).unwrap_or_default();
         let disc = PI * (0.5 * (hi - lo).length()).powi(2);
         let flux = |light: &LightData| {
@@ -63,7 +143,7 @@ impl Emitters {
     }
 
     /// Takes a triangle if it glows; one without area too, for it may have some in another pose.
-    pub fn add_triangle(&mut self, triangle: &TriangleRef) {
+    fn add_triangle(&mut self, triangle: &TriangleRef) {
         let [a, b, c] = triangle.corners;
         let glow = self.materials[triangle.material as usize];
         let flux = PI * 0.5 * (b - a).cross(c - a).length() * glow;
@@ -72,8 +152,9 @@ impl Emitters {
         }
     }
 
-    /// Appends the tables, and says in the header where they are.
-    pub fn write(self, words: &mut Vec<Word>) {
+    /// The tables, after a header that says where they are.
+    fn words(self) -> Vec<Word> {
+        let mut words = vec![[0; 4]; HEADER];
         let all_triangles: f64 = self.triangles.iter().map(|(flux, _)| f64::from(*flux)).sum();
         let environment = f64::from(self.environment_flux);
         let total =
@@ -100,13 +181,13 @@ impl Emitters {
             shares.push(share(environment));
             emitters.push((ENVIRONMENT, [0; 4]));
         }
-        words[0][1] = words.len() as u32;
-        words[0][2] = emitters.len() as u32;
+        words[0][0] = words.len() as u32;
+        words[0][1] = emitters.len() as u32;
         let table = alias(&shares);
         for (((threshold, other), (kind, word)), share) in table.into_iter().zip(emitters).zip(shares) {
             words.extend([[threshold.to_bits(), other, kind, (share as f32).to_bits()], word]);
         }
-        words[0][3] = words.len() as u32;
+        words[0][2] = words.len() as u32;
         words.extend(
             self.materials.chunks(4).map(|four| {
                 std::array::from_fn::<u32, 4, _>(|i| four.get(i).copied().unwrap_or(0.0).to_bits())
@@ -120,7 +201,8 @@ impl Emitters {
             }
         }
         // Density over area of a triangle, by what its material emits.
-        words[2][0] = ((f64::from(PI) * per_flux) as f32).to_bits();
+        words[0][3] = ((f64::from(PI) * per_flux) as f32).to_bits();
+        words
     }
 }
 

@@ -11,7 +11,7 @@
 //!
 //! | input | output | format | unit |
 //! | --- | --- | --- | --- |
-//! | frame, scene groups, `tracer` | sum | Rgba32Float | nits summed over samples; alpha sums coverage |
+//! | frame, scene groups, `tracer`, `emitters` | sum | Rgba32Float | nits summed over samples; alpha sums coverage |
 //! | | squares | Rgba32Float | their squares, nits² |
 //! | | direct | Rgba32Float | the part of paths of one or two edges, nits |
 //! | photons | caustics | Rgba32Float | the part that light paths brought, nits |
@@ -21,22 +21,24 @@
 //!
 //! Cost: on an H100 2.2 ms for a primary ray and a bounce of each pixel of 1920×1080 in sponza, 19 ms for whole paths.
 
-pub(crate) mod emitters;
+mod emitters;
+mod lamps;
 pub(crate) mod noise;
+mod sum;
 
+pub use emitters::{EmitterData, Emitters};
 pub use noise::PathNoise;
+pub use sum::PathSum;
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
-use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
-use chiaro_gpu::{
-    Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life, Texture,
-    TextureOptions,
-};
-use chiaro_scene as cs;
+use chiaro_gpu::wgpu::BufferUsages;
+use chiaro_gpu::{Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life};
 
-use crate::reference::bvh::{TraceFacts, TraceScene};
-use crate::reference::photon::{PhotonMap, Specular};
+use self::sum::LAYERS;
+use crate::rays::{TraceFacts, TraceScene};
+use crate::reference::interfaces::Interfaces;
+use crate::reference::photon::PhotonMap;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;
 
@@ -69,86 +71,6 @@ pub struct PathOptions {
 impl Default for PathOptions {
     fn default() -> Self {
         Self { max_depth: 0, diffuse_bounces: u32::MAX, seed: 0 }
-    }
-}
-
-/// Whether any surface of a scene mirrors or lets light through, so that shaders are compiled without what does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Interfaces(bool);
-
-impl Interfaces {
-    /// Looks at a scene's materials.
-    pub fn of(scene: &cs::Scene, specular: &Specular) -> Self {
-        Self(specular.any() || scene.materials.iter().any(|m| m.transmission > 0.0))
-    }
-
-    pub(crate) fn constant(self) -> (&'static str, f64) {
-        ("INTERFACES", f64::from(u8::from(self.0)))
-    }
-}
-
-/// Names of an image's sums, in the order of their textures; the last is there with photons alone.
-const LAYERS: [&str; 4] = ["sum", "squares", "direct", "caustics"];
-
-/// Samples of an image so far.
-#[derive(Clone, Debug)]
-pub struct PathSum {
-    // Two of each layer that take turns.
-    textures: [Vec<Texture>; 2],
-    newest: usize,
-    samples: u32,
-    // Of the pass under way: rows that have its samples, and how many those are.
-    rows_done: u32,
-    under_way: u32,
-}
-
-impl PathSum {
-    /// No samples; `photons`: with a layer for what light paths bring.
-    pub fn new(gpu: &Gpu, [width, height]: [u32; 2], photons: bool) -> Self {
-        let usage = TextureUsages::TEXTURE_BINDING
-            | TextureUsages::STORAGE_BINDING
-            | TextureUsages::COPY_SRC
-            | TextureUsages::COPY_DST;
-        let options = TextureOptions::new(width, height, TextureFormat::Rgba32Float, usage);
-        let names = &LAYERS[..if photons { 4 } else { 3 }];
-        let make = || names.iter().map(|name| Texture::new(gpu, name, Life::Kept, options)).collect();
-        Self { textures: [make(), make()], newest: 0, samples: 0, rows_done: 0, under_way: 0 }
-    }
-
-    /// Width and height.
-    pub fn size_px(&self) -> [u32; 2] {
-        let options = self.sum().options();
-        [options.width, options.height]
-    }
-
-    /// Samples that every pixel has.
-    pub fn samples(&self) -> u32 {
-        self.samples
-    }
-
-    /// Rows from the top that have more samples already, and how many; what can be read is without them.
-    pub fn rows_ahead(&self) -> (u32, u32) {
-        (self.rows_done, if self.rows_done > 0 { self.under_way } else { 0 })
-    }
-
-    /// Nits summed over samples, and coverage by surfaces in alpha.
-    pub fn sum(&self) -> &Texture {
-        &self.textures[self.newest][0]
-    }
-
-    /// Squares of the samples' nits, summed; with photons those of whole rounds, over the samples of a round.
-    pub fn squares(&self) -> &Texture {
-        &self.textures[self.newest][1]
-    }
-
-    /// Everything that more samples are added to, by names that stay: Rgba32Float all.
-    pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture)> {
-        LAYERS.into_iter().zip(&self.textures[self.newest])
-    }
-
-    /// Says that the textures of [`PathSum::layers`] were filled with what so many samples left there.
-    pub fn resume(&mut self, samples: u32) {
-        (self.samples, self.rows_done) = (samples, 0);
     }
 }
 
@@ -187,7 +109,8 @@ impl PathTracer {
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
-        (frame_group, scene, traced): (&Group, &SceneGpu, &TraceScene),
+        (frame_group, scene): (&Group, &SceneGpu),
+        (traced, emitters): (&TraceScene, &Emitters),
         options: PathOptions,
         (count, rows): (u32, u32),
         (sum, photons): (&mut PathSum, Option<&PhotonMap>),
@@ -212,8 +135,11 @@ impl PathTracer {
         frame.upload(&self.uniform, &[pass]);
         let [before, after] = [sum.newest, 1 - sum.newest].map(|i| &sum.textures[i]);
         let names = ["sum_before", "squares_before", "direct_before", "caustics_before"];
-        let mut binds: Vec<Bind<'_>> =
-            vec![("path_pass", (&self.uniform).into()), ("tracer", (&traced.words).into())];
+        let mut binds: Vec<Bind<'_>> = vec![
+            ("path_pass", (&self.uniform).into()),
+            ("tracer", (&traced.words).into()),
+            ("emitters", (&emitters.words).into()),
+        ];
         binds.extend(names.into_iter().zip(before.iter().map(Into::into)));
         binds.extend(LAYERS.into_iter().zip(after.iter().map(Into::into)));
         if let Some(map) = photons {

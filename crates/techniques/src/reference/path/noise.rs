@@ -5,7 +5,7 @@ use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life};
 
-use super::PathSum;
+use super::sum::PathSum;
 use crate::shaders;
 
 /// Pixels that count, about: their mean is within a percent of that of all.

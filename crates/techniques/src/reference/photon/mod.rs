@@ -12,7 +12,7 @@
 //!
 //! | input | output | format | unit |
 //! | --- | --- | --- | --- |
-//! | frame, scene groups, `tracer` | splats, hash grid, photons in one buffer, see `map.wesl` | words | nits, lm |
+//! | frame, scene groups, `tracer`, `emitters` | splats, hash grid, photons in one buffer, see `map.wesl` | words | nits, lm |
 //!
 //! Bias: photons gathered are blurred by their radius, which the pixel's footprint bounds and which falls with the sixth
 //! root of the rounds. A splat counts up to 2²² times what a white surface under the brightest light shows. Bent normals
@@ -27,11 +27,11 @@ use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life};
-use chiaro_scene as cs;
 use glam::Vec3;
 
-use crate::reference::bvh::{TraceFacts, TraceScene};
-use crate::reference::path::Interfaces;
+use crate::rays::{TraceFacts, TraceScene};
+use crate::reference::interfaces::Interfaces;
+use crate::reference::path::Emitters;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;
 
@@ -77,8 +77,6 @@ const RADIUS_PX: f32 = 3.0;
 const KEPT: f64 = 2.0 / 3.0;
 /// Steps of a splat in the radiance of a white surface under the brightest light.
 const STEPS: f32 = (1u32 << 28) as f32;
-/// Twin of `SMOOTH` in `path/bsdf.wesl`.
-const SMOOTH: f32 = 0.01;
 
 /// Where and how bright light paths are, of one view of a scene.
 #[derive(Clone, Copy, Debug)]
@@ -93,42 +91,6 @@ pub struct PhotonView {
     pub bounds_ws: (Vec3, Vec3),
     /// Bounds of what mirrors or refracts, m; `None` if nothing does.
     pub specular_ws: Option<(Vec3, Vec3)>,
-}
-
-/// Which materials of a scene mirror exactly or refract without blur; found once, for their textures are looked through.
-#[derive(Clone, Debug)]
-pub struct Specular(Vec<bool>);
-
-impl Specular {
-    /// Looks at a scene's materials.
-    pub fn of(scene: &cs::Scene) -> Self {
-        Self(scene.materials.iter().map(|material| is_specular(scene, material)).collect())
-    }
-
-    /// Whether any does.
-    pub fn any(&self) -> bool {
-        self.0.contains(&true)
-    }
-
-    /// World-space bounds of what is made of them, m.
-    pub fn bounds_ws(&self, scene: &cs::Scene, pose: &cs::Pose) -> Option<(Vec3, Vec3)> {
-        scene.bounds_of(pose, |material| self.0[material])
-    }
-}
-
-/// Whether a material mirrors exactly or lets light through without blur somewhere.
-fn is_specular(scene: &cs::Scene, material: &cs::Material) -> bool {
-    let reflects = material.metallic > 0.0 || material.specular > 0.0 || material.transmission > 0.0;
-    if material.reflection != cs::Reflection::MetallicRoughness || !reflects {
-        return false;
-    }
-    // The smoothest texel decides.
-    let texture = material.metallic_roughness_texture.as_ref();
-    let least = texture.map_or(1.0, |reference| {
-        let image = &scene.images[scene.textures[reference.texture].image];
-        f32::from(image.rgba.chunks_exact(4).map(|texel| texel[1]).min().unwrap_or(255)) / 255.0
-    });
-    material.roughness * least < SMOOTH
 }
 
 /// What light paths leave behind.
@@ -224,7 +186,8 @@ impl PhotonTracer {
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
-        (frame_group, scene, traced): (&Group, &SceneGpu, &TraceScene),
+        (frame_group, scene): (&Group, &SceneGpu),
+        (traced, emitters): (&TraceScene, &Emitters),
         options: PhotonOptions,
         (first, samples): (u32, u32),
         (map, lanes): (&PhotonMap, Range<u32>),
@@ -267,6 +230,7 @@ impl PhotonTracer {
         let binds = [
             ("photon_pass", (&map.uniform).into()),
             ("tracer", (&traced.words).into()),
+            ("emitters", (&emitters.words).into()),
             ("photons", (&map.words).into()),
         ];
         let groups = (lanes.end - lanes.start).div_ceil(64);

@@ -11,6 +11,7 @@ use chiaro_gpu::{
     Targets, Texture, TextureOptions,
 };
 use chiaro_techniques::frame::{FrameData, ShadowViewData};
+use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::shadow::moments::{MomentKey, MomentOutputs, MomentRoom, Moments};
 use chiaro_techniques::shadow::{Filter, Lookup, Representation, ShadowSettings};
 use chiaro_techniques::{Pass, shaders};
@@ -195,7 +196,7 @@ impl Rig {
     /// With the sampler's filter or the shader's own.
     fn visibility_filtered(&self, points: &[Point], filtered: bool) -> Vec<f32> {
         let shader = ("tests/moment_lookup.cs.wesl", include_str!("../wesl/moment_lookup.cs.wesl"));
-        let mut constants = Lookup::new(&self.settings).constants(&self.gpu);
+        let mut constants = Lookup::new(&self.settings).constants(&self.gpu, SceneFacts::default());
         constants.retain(|(name, _)| ["REPRESENTATION", "MOMENT_MIPS"].contains(name));
         constants.push(("FILTERED", filtered.into()));
         let gather = self.gpu.device.create_sampler(&wgpu::SamplerDescriptor::default());

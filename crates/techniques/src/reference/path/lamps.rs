@@ -3,10 +3,6 @@
 use chiaro_scene as cs;
 use glam::Mat3;
 
-use super::gather::placed_triangles;
-use crate::reference::path::emitters::Emitters;
-use crate::scene::Cut;
-
 /// What lengths may be off by, relatively, before tables are made anew.
 const TOLERANCE: f32 = 1e-6;
 
@@ -57,15 +53,4 @@ impl Lamps {
 fn lengths(pose: &cs::Pose, node: cs::Id) -> Mat3 {
     let m = Mat3::from(pose.world_from_node[node].matrix3);
     m.transpose() * m
-}
-
-/// All that shines, as it stands in a pose.
-pub(super) fn emitters(scene: &cs::Scene, pose: &cs::Pose, cut: &Cut) -> Emitters {
-    let mut emitters = Emitters::new(scene, pose);
-    for drawn in &cut.drawn {
-        for triangle in placed_triangles(scene, cut, drawn) {
-            emitters.add_triangle(&triangle);
-        }
-    }
-    emitters
 }

@@ -4,7 +4,7 @@ use chiaro_scene as cs;
 use glam::{DMat4, DVec4, Vec3, Vec3A, Vec4};
 use obvhs::aabb::Aabb;
 
-use super::Word;
+use super::tree::Word;
 use crate::scene::material;
 use crate::scene::{Cut, Drawn, InstanceData};
 
@@ -13,6 +13,7 @@ pub(super) const NO_INSTANCE: u32 = u32::MAX;
 /// Of a triangle.
 const MASKED: u32 = 1;
 const ONE_SIDED: u32 = 2;
+const SEE_THROUGH: u32 = 4;
 /// Words of a triangle.
 pub(super) const TRIANGLE: usize = 3;
 /// What boxes are widened by, relative to their tree's largest coordinate: rounding of transforms that the GPU does its
@@ -26,7 +27,7 @@ const FARTHEST: f32 = 1e15;
 /// A triangle that is drawn somewhere, or somewhere in its mesh.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TriangleRef {
-    /// What names it to `path/emitters.wesl`: cluster << 8 | triangle, instance, first position in `geometry`, corners of
+    /// What names it to shaders: cluster << 8 | triangle, instance, first position in `geometry`, corners of
     /// 8 bits.
     pub word: Word,
     /// World space for what has an instance, else object space.
@@ -34,6 +35,7 @@ pub(crate) struct TriangleRef {
     pub material: u32,
     masked: bool,
     one_sided: bool,
+    see_through: bool,
 }
 
 impl TriangleRef {
@@ -44,7 +46,9 @@ impl TriangleRef {
 
     /// What `traverse.wesl` reads.
     pub fn words(&self) -> [Word; TRIANGLE] {
-        let flags = if self.masked { MASKED } else { 0 } | if self.one_sided { ONE_SIDED } else { 0 };
+        let flag = |is: bool, flag: u32| if is { flag } else { 0 };
+        let flags =
+            flag(self.masked, MASKED) | flag(self.one_sided, ONE_SIDED) | flag(self.see_through, SEE_THROUGH);
         let last = [self.word[0], self.word[1], flags];
         std::array::from_fn(|i| {
             let [x, y, z] = self.corners[i].to_array().map(f32::to_bits);
@@ -54,7 +58,7 @@ impl TriangleRef {
 }
 
 /// What is to be hit of a drawn mesh, in world space.
-pub(super) fn placed_triangles(scene: &cs::Scene, cut: &Cut, drawn: &Drawn) -> Vec<TriangleRef> {
+pub(crate) fn placed_triangles(scene: &cs::Scene, cut: &Cut, drawn: &Drawn) -> Vec<TriangleRef> {
     let clusters = drawn.clusters.clone();
     clusters.flat_map(|cluster| cluster_triangles(scene, cut, cluster, drawn.instance)).collect()
 }
@@ -74,8 +78,9 @@ fn cluster_triangles<'a>(
 ) -> impl Iterator<Item = TriangleRef> + 'a {
     let data = &cut.heap.clusters[cluster];
     let material = data.material;
-    let masked = material::alpha_cutoff(&scene.materials[material as usize]) > 0.0;
-    let one_sided = material::one_sided(&scene.materials[material as usize]);
+    let made_of = &scene.materials[material as usize];
+    let masked = material::alpha_cutoff(made_of) > 0.0;
+    let (one_sided, see_through) = (material::one_sided(made_of), material::see_through(made_of));
     (0..data.triangle_count).filter_map(move |triangle| {
         let packed = cut.heap.words[(data.triangles + triangle) as usize] & 0xff_ffff;
         let corners = [0, 8, 16].map(|shift| {
@@ -86,7 +91,7 @@ fn cluster_triangles<'a>(
         // Comparisons with NaN are false.
         let sane = corners.iter().all(|p| p.abs().max_element() < FARTHEST && !p.is_nan());
         let word = [(cluster as u32) << 8 | triangle, instance, data.positions, packed];
-        sane.then_some(TriangleRef { word, corners, material, masked, one_sided })
+        sane.then_some(TriangleRef { word, corners, material, masked, one_sided, see_through })
     })
 }
 

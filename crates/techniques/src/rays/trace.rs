@@ -1,72 +1,24 @@
-//! Rays through the scene without ray-tracing hardware: two levels of trees that compute shaders walk.
-//!
-//! A node holds up to eight children, their boxes quantised to eight bits in a grid of its own, in 80 bytes; a ray visits
-//! them in the order of its octant, without sorting (Ylitie, Karras & Laine 2017, "Efficient Incoherent Ray Traversal on
-//! GPUs Through Compressed Wide BVHs"). obvhs builds: PLOC (Meister & Bittner 2018) with reinsertion (the same, "Parallel
-//! Reinsertion"), folded to eight children by the surface area heuristic. All that neither moves nor is drawn many times
-//! lies in one tree in world space, and so does every mesh that bends; meshes that are carried about or drawn often have a
-//! tree in object space, entered by the ray turned into that space. An upper tree stands over them.
-//!
-//! Leaves hold the triangles' corners themselves, exact: neighbours share their edges' ends to the bit, and the test
-//! computes with those alone (Woop, Benthin & Wald 2013), so that no ray slips between them but where a compiler fuses the
-//! products of one edge's two sides differently, which takes a ray that passes the edge within rounding.
-//!
-//! | input | output | format | unit |
-//! | --- | --- | --- | --- |
-//! | scene at a pose | `tracer` (group 2, binding 15 of shaders that import `traverse.wesl`) | vec4u | – |
-//! | scene group (geometry, clusters, materials, textures: only of masked triangles) | closest or any hit | `Hit` | m |
-//!
-//! # Motion
-//! [`TraceScene::update`] takes a new pose: the upper tree is built anew on the CPU, in the room that it has. Trees of what
-//! bends keep their shape; [`Refit`] carries the vertices that `motion` has moved into the leaves, and lays new grids
-//! around them from the leaves up: one dispatch per level, no read-back, no allocation on the GPU. Boxes of the upper tree
-//! around what bends are those around its joints. Refitted trees are right, but a ray may cost more in them than in ones
-//! built for the pose: [`TraceScene::wear`] tells how much, and beyond [`WORN`] they are better built anew. Lights by which
-//! paths choose follow; where glowing triangles change their size, the tables are made anew, for a density that did not
-//! know of it would be wrong, not just noisy.
-//!
-//! Triangles count from both sides, but for rays that look (`looking` in `traverse.wesl`) not from the back of single-sided
-//! materials.
-//!
-//! Limits: masked triangles are cut out at the finest mip; blended ones count as masked at half coverage, as in shadow
-//! maps. A mesh squeezed flat by a node that moves is not met. Triangles that are not finite when a tree is built never
-//! are. 128 MiB, which every adapter binds, hold about 2.1 million triangles.
-//!
-//! Cost: 48 bytes a triangle and about 10 for its share of nodes; what bends 12 more. The build takes about 4 µs a
-//! triangle on one core. On an NVIDIA H100 paths are traced 1.3 to 1.8 times as fast as through a binary tree whose
-//! triangles lie in the geometry heap, those of one tree about a tenth faster than through several
-//! (`docs/decisions/0017-wide-tree.md`).
+//! A scene's trees, on the CPU and on the GPU.
 
-mod gather;
-mod lamps;
-pub(crate) mod refit;
-mod tree;
-mod upper;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use chiaro_gpu::wgpu::BufferUsages;
-use chiaro_gpu::{Buffer, Gpu, GpuError};
+use chiaro_gpu::{Buffer, BufferReadback, Gpu, GpuError};
 use chiaro_scene as cs;
-use glam::{Affine3A, DVec3};
+use glam::{Affine3A, DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 
-pub(crate) use gather::TriangleRef;
-use gather::{PAD, around, farthest, inverse_rows, own_triangles, padded, placed_triangles};
-use lamps::{Lamps, emitters};
-use refit::{Bending, Plan};
-pub use refit::{Refit, WORN};
-use tree::{LEAF, LOWER_DEPTH};
-use upper::{Place, Placed};
-
+use super::refit::{Bending, Plan};
+use super::tree::{self, LEAF, LOWER_DEPTH, Word};
+use super::triangle::{
+    PAD, TriangleRef, around, farthest, inverse_rows, own_triangles, padded, placed_triangles,
+};
+use super::upper::{self, Place, Placed};
 use crate::scene::motion::{Mover, bounds_over_time, same_place};
-use crate::scene::{Cut, Drawn};
+use crate::scene::{Cut, Drawn, SceneFacts};
 
-/// A word of `tracer`.
-pub(crate) type Word = [u32; 4];
-
-/// Of the root: its tree's leaves hold triangles.
-const TRIANGLES: u32 = 1 << 31;
-/// The header's words.
-pub(crate) const HEADER: usize = 3;
+/// Words before the trees: the root, and the box around everything.
+const HEADER: usize = 2;
 /// Meshes drawn more than once get a tree of their own from so many triangles on.
 const SHARED_TRIANGLES: u32 = 512;
 
@@ -87,13 +39,18 @@ impl Default for TraceFacts {
 }
 
 impl TraceFacts {
-    /// Constants of every shader that imports `reference/traverse.wesl`, which without them serves all scenes.
+    /// Those of uploaded scenes.
+    pub fn of(facts: SceneFacts) -> Self {
+        Self { levels: facts.tree_levels, masks: facts.tree_masks }
+    }
+
+    /// Constants of every shader that imports `rays/traverse.wesl`, which without them serves all scenes.
     pub fn constants(self) -> [(&'static str, f64); 2] {
         [("LEVELS", f64::from(self.levels)), ("MASKS", f64::from(u8::from(self.masks)))]
     }
 }
 
-/// Trees and lights of a scene as shaders read them, made on the CPU by any thread.
+/// Trees of a scene as shaders read them, made on the CPU by any thread.
 #[derive(Clone, Debug)]
 pub struct TraceData {
     words: Vec<Word>,
@@ -106,17 +63,13 @@ pub struct TraceData {
 #[derive(Clone, Debug)]
 struct Parts {
     placed: Vec<Placed>,
-    /// Where the room for the upper tree starts; the header and what shines lie before.
-    upper: usize,
-    header: [Word; HEADER],
-    lamps: Lamps,
     origin: DVec3,
     /// Nodes whose triangles lie in the one tree of all that stands still, and where they were then.
     still: Vec<(cs::Id, Affine3A)>,
 }
 
 /// [`TraceData`] on the GPU.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct TraceScene {
     /// What `traverse.wesl` calls `tracer`.
     pub words: Buffer,
@@ -125,19 +78,17 @@ pub struct TraceScene {
     parts: Parts,
     bending: Option<Bending>,
     /// Whether vertices may have moved since the last refit.
-    stale: bool,
+    stale: AtomicBool,
 }
 
 impl TraceData {
-    /// Builds the trees of a scene as it stands in a pose.
-    pub fn build(scene: &cs::Scene, pose: &cs::Pose) -> Self {
+    /// Builds the trees of a scene as it stands in a pose. `moved`: nodes that are to be carried though no animation moves
+    /// them.
+    pub fn build(scene: &cs::Scene, pose: &cs::Pose, moved: &[cs::Id]) -> Self {
         let cut = Cut::new(scene, pose);
-        let mut words = vec![[0; 4]; HEADER];
-        emitters(scene, pose, &cut).write(&mut words);
-        let upper = words.len();
-        let places = places(scene, &cut);
+        let places = places(scene, &cut, moved);
         let trees = 1 + places.iter().flatten().count();
-        words.resize(upper + upper::room(trees), [0; 4]);
+        let mut words = vec![[0; 4]; HEADER + upper::room(trees)];
 
         // Poses between the samples of the animations, or of somebody's own making, may reach farther.
         let reach =
@@ -177,12 +128,9 @@ impl TraceData {
             _ => 1,
         };
 
-        let (root, upper_words) = upper::build(&placed, (scene, pose), upper);
-        words[upper..upper + upper_words.len()].copy_from_slice(&upper_words);
-        words[0][0] = root;
-        let header = std::array::from_fn(|i| words[i]);
-        let lamps = Lamps::new(scene, pose);
-        let parts = Parts { placed, upper, header, lamps, origin: scene.origin, still: lying };
+        let upper = upper_words(&placed, (scene, pose));
+        words[..upper.len()].copy_from_slice(&upper);
+        let parts = Parts { placed, origin: scene.origin, still: lying };
         Self { words, facts: TraceFacts { levels, masks }, parts, plan }
     }
 
@@ -213,20 +161,38 @@ impl TraceData {
             parts: self.parts.clone(),
             bending: self.plan.upload(gpu),
             // The GPU bends by weights of 16 bits: rays must meet what it draws.
-            stale: true,
+            stale: AtomicBool::new(true),
         })
     }
 }
 
 impl TraceScene {
-    /// Whether vertices may have moved since [`Refit::record`], so that motion and it are due.
+    /// Whether vertices may have moved since [`super::Refit::record`], so that motion and it are due.
     pub fn stale(&self) -> bool {
-        self.stale
+        self.stale.load(Ordering::Relaxed)
+    }
+
+    /// The trees to refit, once for every update.
+    pub(super) fn due(&self) -> Option<&Bending> {
+        self.bending.as_ref().filter(|_| self.stale.swap(false, Ordering::Relaxed))
+    }
+
+    /// Starts reading how large the boxes of bending meshes' trees have become, for [`TraceScene::wear`]; `None` when
+    /// nothing bends. Nothing waits for it.
+    pub fn read_boxes(&self, gpu: &Gpu) -> Option<BufferReadback> {
+        Some(BufferReadback::start(gpu, &self.bending.as_ref()?.boxes))
+    }
+
+    /// How many times as much as when it was built a ray costs in the tree of a bending mesh that has worn most, from
+    /// what [`TraceScene::read_boxes`] read after a refit. Trees beyond [`super::WORN`] are better built anew, by
+    /// [`TraceData::build`] with the present pose: refitting keeps them right, not fast.
+    pub fn wear(&self, boxes: &[u8]) -> f32 {
+        self.bending.as_ref().map_or(0.0, |bending| bending.wear(boxes))
     }
 
     /// Takes a new pose of the scene that this was built from, for the commands submitted next; what bends follows with
-    /// [`Refit::record`]. `false` when only building anew will do: the scene's origin is another, a glowing triangle has
-    /// stopped or begun to be finite, or what no animation moves is elsewhere.
+    /// [`super::Refit::record`]. `false` when only building anew will do: the scene's origin is another, or what no animation
+    /// moves is elsewhere.
     #[must_use]
     pub fn update(&mut self, gpu: &Gpu, scene: &cs::Scene, pose: &cs::Pose) -> bool {
         let parts = &mut self.parts;
@@ -234,33 +200,22 @@ impl TraceScene {
         if parts.origin != scene.origin || parts.still.iter().any(strayed) {
             return false;
         }
-        let write = |first: usize, words: &[Word]| {
-            gpu.queue.write_buffer(
-                self.words.raw(),
-                (first * size_of::<Word>()) as u64,
-                bytemuck::cast_slice(words),
-            );
-        };
-        if parts.lamps.changed(pose) {
-            let mut words = vec![[0; 4]; HEADER];
-            emitters(scene, pose, &Cut::new(scene, pose)).write(&mut words);
-            if words.len() != parts.upper {
-                return false;
-            }
-            parts.header = std::array::from_fn(|i| words[i]);
-            write(HEADER, &words[HEADER..]);
-        }
-        let (root, upper_words) = upper::build(&parts.placed, (scene, pose), parts.upper);
-        parts.header[0][0] = root;
-        write(0, &parts.header);
-        write(parts.upper, &upper_words);
-        self.stale = true;
+        let words = upper_words(&parts.placed, (scene, pose));
+        gpu.queue.write_buffer(self.words.raw(), 0, bytemuck::cast_slice(&words));
+        self.stale.store(true, Ordering::Relaxed);
         true
     }
 }
 
+/// The header, and the tree over trees that follows it.
+fn upper_words(placed: &[Placed], at: (&cs::Scene, &cs::Pose)) -> Vec<Word> {
+    let (root, bounds, words) = upper::build(placed, at, HEADER);
+    let corner = |first: u32, p: Vec3A| [first, p.x.to_bits(), p.y.to_bits(), p.z.to_bits()];
+    [&[corner(root, bounds.min), corner(0, bounds.max)], &words[..]].concat()
+}
+
 /// How each drawn mesh gets into the world; `None` for those whose triangles lie in the one tree of all that stands still.
-fn places(scene: &cs::Scene, cut: &Cut) -> Vec<Option<Place>> {
+fn places(scene: &cs::Scene, cut: &Cut, moved: &[cs::Id]) -> Vec<Option<Place>> {
     let mut uses = vec![0u32; scene.meshes.len()];
     for drawn in &cut.drawn {
         uses[drawn.mesh] += 1;
@@ -274,7 +229,7 @@ fn places(scene: &cs::Scene, cut: &Cut) -> Vec<Option<Place>> {
         let triangles: u32 = cut.heap.clusters[drawn.clusters.clone()].iter().map(|c| c.triangle_count).sum();
         let shared = uses[drawn.mesh] > 1 && triangles >= SHARED_TRIANGLES;
         // What is squeezed flat cannot be entered.
-        let lies = drawn.fixed && (!shared || inverse_rows(instance).is_none());
+        let lies = drawn.fixed && !moved.contains(&node) && (!shared || inverse_rows(instance).is_none());
         (!lies).then_some(Place::Carried { instance: drawn.instance, node })
     };
     cut.drawn.iter().map(of).collect()

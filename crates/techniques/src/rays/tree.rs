@@ -12,7 +12,8 @@ use obvhs::cwbvh::node::CwBvhNode;
 use obvhs::cwbvh::{BRANCHING, CwBvh};
 use obvhs::ploc::PlocBuilder;
 
-use super::Word;
+/// A word of `tracer`.
+pub(crate) type Word = [u32; 4];
 
 /// The reference to nothing.
 pub(super) const EMPTY: u32 = u32::MAX;

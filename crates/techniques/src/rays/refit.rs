@@ -1,19 +1,15 @@
 //! Trees of bending meshes follow their vertices: node by node from the leaves up, on the GPU.
 
 use bytemuck::{Pod, Zeroable};
-use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
-use chiaro_gpu::{Buffer, BufferReadback, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life};
+use chiaro_gpu::{Buffer, Gpu, Life};
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::{BRANCHING, CwBvh};
 
-use super::TraceScene;
-use super::gather::TRIANGLE;
 use super::tree::NODE;
-use crate::scene::SceneGpu;
-use crate::shaders;
+use super::triangle::TRIANGLE;
 
-/// Beyond this [`TraceScene::wear`] it pays to build a scene's trees anew.
+/// Beyond this [`super::TraceScene::wear`] it pays to build a scene's trees anew.
 pub const WORN: f32 = 1.5;
 /// What testing a triangle costs, a node's boxes being 1: as obvhs weighs them.
 const TRIANGLE_COST: f32 = 0.3;
@@ -131,75 +127,21 @@ fn cost(boxes: &[NodeBox]) -> f32 {
 /// A [`Plan`] on the GPU.
 #[derive(Clone, Debug)]
 pub(super) struct Bending {
-    levels: Vec<(Buffer, u32)>,
-    triangles: Buffer,
-    triangle_count: u32,
-    boxes: Buffer,
+    pub levels: Vec<(Buffer, u32)>,
+    pub triangles: Buffer,
+    pub triangle_count: u32,
+    pub boxes: Buffer,
     trees: Vec<Built>,
 }
 
-impl TraceScene {
-    /// Starts reading how large the boxes of bending meshes' trees have become, for [`TraceScene::wear`]; `None` when
-    /// nothing bends. Nothing waits for it.
-    pub fn read_boxes(&self, gpu: &Gpu) -> Option<BufferReadback> {
-        Some(BufferReadback::start(gpu, &self.bending.as_ref()?.boxes))
-    }
-
-    /// How many times as much as when it was built a ray costs in the tree of a bending mesh that has worn most, from
-    /// what [`TraceScene::read_boxes`] read after a refit. Trees beyond [`WORN`] are better built anew, by
-    /// [`super::TraceData::build`] with the present pose: refitting keeps them right, not fast.
+impl Bending {
+    /// See [`super::TraceScene::wear`].
     pub fn wear(&self, boxes: &[u8]) -> f32 {
         let boxes: Vec<NodeBox> = bytemuck::pod_collect_to_vec(boxes);
-        let trees = self.bending.iter().flat_map(|bending| &bending.trees);
-        trees
-            .filter_map(|built| Some(cost(boxes.get(built.root..built.root + built.nodes)?) / built.cost))
-            .filter(|wear| wear.is_finite())
-            .fold(0.0, f32::max)
-    }
-}
-
-/// The passes that let trees follow.
-#[derive(Debug)]
-pub struct Refit {
-    corners: ComputePipeline,
-    level: ComputePipeline,
-}
-
-impl Refit {
-    /// Compiles the passes.
-    ///
-    /// # Errors
-    /// When a shader does not compile.
-    pub fn new(gpu: &Gpu, library: &Library) -> Result<Self, GpuError> {
-        let make = |entry| ComputePipeline::new(gpu, library, &shaders::plain(entry), &[], &[]);
-        Ok(Self {
-            corners: make("reference/bvh/corners.cs.wesl")?,
-            level: make("reference/bvh/refit.cs.wesl")?,
-        })
-    }
-
-    /// Refits the trees of bending meshes to where motion has put their vertices earlier in the frame, if
-    /// [`TraceScene::update`] or an upload asked for it.
-    pub fn record(&self, frame: &mut Frame<'_>, scene: &SceneGpu, traced: &mut TraceScene) {
-        if !std::mem::take(&mut traced.stale) {
-            return;
-        }
-        let Some(bending) = &traced.bending else { return };
-        let binds = [
-            ("triangles", (&bending.triangles).into()),
-            ("geometry", (&scene.buffers.geometry).into()),
-            ("clusters", (&scene.buffers.clusters).into()),
-            ("tracer", (&traced.words).into()),
-        ];
-        let threads = Dispatch::Threads([bending.triangle_count, 1, 1]);
-        frame.compute("reference/corners", &self.corners, &[], &binds, threads);
-        for (jobs, count) in &bending.levels {
-            let binds = [
-                ("jobs", jobs.into()),
-                ("tracer", (&traced.words).into()),
-                ("boxes", (&bending.boxes).into()),
-            ];
-            frame.compute("reference/refit", &self.level, &[], &binds, Dispatch::Threads([*count, 1, 1]));
-        }
+        let worn = self
+            .trees
+            .iter()
+            .filter_map(|built| Some(cost(boxes.get(built.root..built.root + built.nodes)?) / built.cost));
+        worn.filter(|wear| wear.is_finite()).fold(0.0, f32::max)
     }
 }
