@@ -97,17 +97,3 @@ impl Plan {
         Ok(Built { kit, settings, resolved, generation, is_empty, facts, found })
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn plans_and_what_they_become_may_change_threads() {
-        fn sent<T: Send>() {}
-        sent::<Plan>();
-        sent::<Built>();
-        sent::<LoadedScene>();
-        sent::<crate::Renderer>();
-    }
-}

@@ -413,3 +413,17 @@ fn slices(view: &View, (lo, hi): (Vec3, Vec3), slices: u32) -> [f32; 2] {
     let scale = slices as f32 / (far / near).log2();
     [scale, -near.log2() * scale]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn renderers_plans_and_what_they_become_may_change_threads() {
+        fn sent<T: Send>() {}
+        sent::<Plan>();
+        sent::<Built>();
+        sent::<LoadedScene>();
+        sent::<Renderer>();
+    }
+}

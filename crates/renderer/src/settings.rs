@@ -187,7 +187,7 @@ impl Settings {
     pub fn effective(&self) -> Self {
         let mut settings = self.clone();
         #[cfg(test)]
-        if tests::LITERALLY.get() {
+        if LITERALLY.get() {
             return settings;
         }
         for field in Self::fields().iter().filter(|field| self.idle(&field.key).is_some()) {
@@ -255,6 +255,12 @@ impl Settings {
     pub fn presets() -> impl Iterator<Item = (&'static str, &'static str)> {
         PRESETS.into_iter().map(|(name, about, _)| (name, about))
     }
+}
+
+#[cfg(test)]
+thread_local! {
+    /// Whether [`Settings::effective`] leaves everything as it is.
+    static LITERALLY: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
 }
 
 /// The keys spelled most alike, nearest first.

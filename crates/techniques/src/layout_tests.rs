@@ -18,7 +18,7 @@ use crate::scene::material::MaterialData;
 use crate::scene::motion::{DeformJob, InstanceMove};
 use crate::scene::{InstanceData, ItemData};
 use crate::shaders;
-use crate::shadow::cascades::SunFit;
+use crate::shadow::SunFit;
 use crate::shadow::moments::Blur;
 use crate::view::ViewData;
 use crate::view::culling::CullClasses;

@@ -1,15 +1,8 @@
 mod idle;
 
-use std::cell::Cell;
-
 use chiaro_techniques::settings::Kind;
 
 use super::*;
-
-thread_local! {
-    /// Whether [`Settings::effective`] leaves everything as it is.
-    pub(super) static LITERALLY: Cell<bool> = const { Cell::new(false) };
-}
 
 #[test]
 fn every_listed_key_can_be_read_and_set_to_its_default() {

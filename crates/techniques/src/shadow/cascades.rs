@@ -5,7 +5,6 @@
 //! large steps, from how far outside it the camera is: never from where it looks. `fit.cs.wesl` is the twin that fits
 //! slices to the depths of the picture.
 
-use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{
@@ -14,8 +13,9 @@ use chiaro_gpu::{
 use glam::{Mat3, Mat4, Vec2, Vec3};
 
 use super::casters::Shadowed;
+use super::maker::Maker;
 use super::project::{corners, light_axes, reversed_orthographic, slack};
-use super::views::{Maker, ShadowView, ShadowViews};
+use super::views::{ShadowView, ShadowViews, SunFit};
 use super::{CameraView, CascadeSelect, Fit, FitInputs, Representation};
 use crate::frame::{LightData, ShadowViewData};
 use crate::shaders;
@@ -30,36 +30,6 @@ const BEGIN_STEPS: f32 = 16.0;
 
 /// Holes move by these shares of a cascade's half side.
 const HOLE_STEP: f32 = 0.125;
-
-/// A sun whose cascades are fitted on the GPU; see `fit.cs.wesl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[allow(missing_docs)]
-pub struct SunFit {
-    pub light_from_ws: [[f32; 4]; 3],
-    pub origins_ws: [[f32; 4]; 4],
-    pub steps_ws: [[f32; 4]; 4],
-    pub scene_ls: [f32; 4],
-    pub begin_m: f32,
-    pub end_m: f32,
-    pub lambda: f32,
-    pub least_near_m: f32,
-    pub first_view: u32,
-    pub count: u32,
-    pub near_m: f32,
-    pub far_m: f32,
-    pub own_range: u32,
-    pub holes: u32,
-    pub blend: f32,
-    pub reserved: u32,
-}
-
-impl SunFit {
-    /// Whether a layer is one of this sun's.
-    pub fn holds(&self, layer: u32) -> bool {
-        (self.first_view..self.first_view + self.count).contains(&layer)
-    }
-}
 
 /// From where to where a cascade's depth reaches along the light.
 #[derive(Clone, Copy, Debug)]

@@ -19,6 +19,8 @@
 
 pub mod cascades;
 mod casters;
+mod fit;
+mod maker;
 pub mod moments;
 mod project;
 mod record;
@@ -30,13 +32,14 @@ mod tint;
 mod views;
 
 pub use casters::Casters;
+pub use fit::fit;
 pub use record::{ShadowInputs, ShadowKey, ShadowMaps, ShadowOutputs, ShadowPlan, ShadowRoom};
 pub use settings::{
     CascadeSelect, Darkens, Filter, Fit, Layout, PcfKernel, PointLayout, Representation, ShadowSettings,
     Sigma, Splits,
 };
 pub use tint::TintMaps;
-pub use views::{CameraView, FitInputs, ShadowView, ShadowViews, fit};
+pub use views::{CameraView, FitInputs, ShadowView, ShadowViews, SunFit};
 
 use chiaro_gpu::Gpu;
 

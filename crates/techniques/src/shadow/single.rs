@@ -3,8 +3,9 @@
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::CameraView;
+use super::maker::Maker;
 use super::project::{corners, light_axes, reversed_orthographic, slack};
-use super::views::{Maker, ShadowView};
+use super::views::ShadowView;
 use crate::frame::{LightData, ShadowViewData};
 
 pub(super) fn fit(light: &LightData, make: &Maker<'_>, layer: u32) -> ShadowView {

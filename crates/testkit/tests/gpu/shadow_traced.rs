@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use chiaro::scene::{AlphaMode, Filter, LightKind, Material, Scene, Transform, Wrap};
+use chiaro::scene::{AlphaMode, Filter, LightKind, Material, Wrap};
 use chiaro::{Error, Renderer, Settings, StillOptions};
 use chiaro_testkit::{Exact, Stage, Studio, camera_above, device, direct, nmae, place_below};
 use glam::{Affine3A, Mat4, Quat, Vec3};
@@ -27,11 +27,10 @@ fn room() -> Stage {
 /// The picture from above against the CPU's rays: pixels that differ by more than `tolerance` of the brightest.
 fn wrong(
     image: &chiaro_image::Image,
-    scene: &Scene,
+    exact: &Exact,
     (light_size, rays): (f32, u32),
     tolerance: f32,
 ) -> usize {
-    let exact = Exact::new(scene);
     let expected: Vec<_> = (0..SIDE * SIDE)
         .map(|i| {
             let above = place_below([i % SIDE, i / SIDE], SIDE, HALF) + Vec3::Y * 2.0;
@@ -69,7 +68,7 @@ fn every_pixel_is_lit_where_the_cpus_rays_are_free() {
         for (light, stage) in lights() {
             let scene = studio.load(&stage.scene);
             let image = studio.radiance(&scene, &camera_above(HALF), [SIDE; 2], 1);
-            let wrong = wrong(&image, &stage.scene, (0.0, 1), 0.01);
+            let wrong = wrong(&image, &Exact::new(&stage.scene), (0.0, 1), 0.01);
             // Pixels whose middle lies on an edge may fall to either side.
             assert!(wrong <= 4, "{pipeline}, {light}: {wrong} pixels");
         }
@@ -82,7 +81,7 @@ fn several_rays_make_penumbras_as_wide_as_the_light() {
     for (light, stage) in lights() {
         let scene = studio.load(&stage.scene);
         let image = studio.radiance(&scene, &camera_above(HALF), [SIDE; 2], 1);
-        let wrong = wrong(&image, &stage.scene, (0.3, 400), 0.08);
+        let wrong = wrong(&image, &Exact::new(&stage.scene), (0.3, 400), 0.08);
         assert!(wrong <= (SIDE * SIDE / 200) as usize, "{light}: {wrong} pixels");
     }
 }
@@ -192,11 +191,10 @@ fn a_node_that_a_program_moves_takes_its_shadow_along_and_asks_for_new_trees() {
     let mut loaded = studio.load(&stage.scene);
     assert!(!loaded.trees_are_due());
     loaded.set_pose(&stage.scene, &pose);
-    let mut moved = stage.scene.clone();
-    moved.nodes[caster].parent_from_node = Transform::Matrix(pose.world_from_node[caster]);
+    let exact = Exact::at(&stage.scene, &pose);
     let check = |studio: &mut Studio, loaded: &chiaro::LoadedScene| {
         let image = studio.radiance(loaded, &camera_above(HALF), [SIDE; 2], 1);
-        let wrong = wrong(&image, &moved, (0.0, 1), 0.01);
+        let wrong = wrong(&image, &exact, (0.0, 1), 0.01);
         assert!(wrong <= 4, "{wrong} pixels");
     };
     check(&mut studio, &loaded);

@@ -5,7 +5,8 @@ use chiaro_scene::{Light, LightKind, Node, Scene, Transform};
 use chiaro_techniques::settings::Kind;
 use glam::{Affine3A, Quat, Vec3};
 
-use super::{LITERALLY, Settings, with};
+use super::{Settings, with};
+use crate::settings::LITERALLY;
 use crate::{LoadedScene, Renderer, StillOptions, View};
 
 /// Small maps, so that filters and biases show.
