@@ -83,6 +83,7 @@ fn rust_structs_equal_their_wesl_twins() {
         anisotropy,
         min_variance,
         clamps,
+        rays,
         reserved,
     );
     same!(
@@ -190,6 +191,8 @@ fn rust_structs_equal_their_wesl_twins() {
         seed,
         first_row,
         rows,
+        first_seen,
+        seen_count,
         reserved,
     );
     same!(

@@ -27,8 +27,10 @@ use frame::write_frame;
 use crate::loaded::WHITE_STORED;
 use crate::{Error, Kit, LoadedScene, Settings, View};
 
-/// Samples that share light paths: enough for lanes to balance long paths with short ones.
+/// Samples that share light paths: enough for lanes to balance long paths with short ones; where nothing is gathered within
+/// a radius that shrinks from round to round, enough to keep a large GPU busy.
 const ROUND: u32 = 4;
+const ROUND_ALONE: u32 = 16;
 /// Dispatches that [`Reference::refine`] records at most.
 const DISPATCHES: u32 = 16;
 /// Rows that workgroups cover.
@@ -240,7 +242,11 @@ impl Reference {
     /// Samples that are added together: counts are rounded up to a multiple of this.
     pub fn round(&self) -> u32 {
         // llvmpipe silently ends all loops of an invocation after 65,535 iterations together: a sample is well below that.
-        if self.photons.is_some() && !self.kit.gpu.is_software() { ROUND } else { 1 }
+        match self.options.integrator {
+            _ if self.photons.is_none() || self.kit.gpu.is_software() => 1,
+            Integrator::Photon => ROUND_ALONE,
+            _ => ROUND,
+        }
     }
 
     /// Light paths for each sample of the image; 0 where there are none.

@@ -50,7 +50,7 @@ fn look(studio: &mut Studio, name: &str, settings: impl IntoIterator<Item = Sett
     let mut scene = scene::load(name).unwrap();
     scene.add_default_view();
     let view = View::from_scene(&scene, 0).unwrap();
-    let loaded = studio.load(&scene);
+    let mut loaded = studio.load(&scene);
     let mut recorder = Recorder::new(&gpu, false);
     let mut state = chiaro::ViewState::new(&studio.renderer);
     let mut rendered = 0;
@@ -60,6 +60,7 @@ fn look(studio: &mut Studio, name: &str, settings: impl IntoIterator<Item = Sett
             Err(Error::Combination(_)) => continue,
             Err(error) => panic!("{settings:?}: {error}"),
         }
+        studio.renderer.equip(&scene, &mut loaded).unwrap();
         let sampling = (Vec2::ZERO, 1.0);
         let prepared = studio.renderer.prepare(&mut state, &loaded, &view, SIZE, sampling).unwrap();
         let mut frame = recorder.begin();

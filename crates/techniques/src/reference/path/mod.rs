@@ -7,7 +7,7 @@
 //! (Walter et al. 2007), dispersing ones by a band of the spectrum that is drawn where a path first meets them. Blended
 //! surfaces are met as often as their alpha says, each instance for itself. Until a path is scattered it looks, and passes
 //! through backs of single-sided surfaces; all else carries light, which backs stop (`docs/reference.md`, "What is seen"). A light behind the triangle gives nothing, whatever the bent normal says,
-//! as in the pipelines. Russian roulette ends paths from the eighth edge on.
+//! as in the pipelines. Russian roulette ends paths from the third edge on, by the root of the light that they carry.
 //!
 //! | input | output | format | unit |
 //! | --- | --- | --- | --- |
@@ -54,6 +54,8 @@ pub(crate) struct PathPass {
     pub seed: u32,
     pub first_row: u32,
     pub rows: u32,
+    pub first_seen: u32,
+    pub seen_count: u32,
     pub reserved: u32,
 }
 
@@ -73,6 +75,9 @@ impl Default for PathOptions {
         Self { max_depth: 0, diffuse_bounces: u32::MAX, seed: 0 }
     }
 }
+
+/// Samples that one path from the camera stands for where it only shows what shines itself.
+const SAMPLES_A_PATH: u32 = 4;
 
 /// The pass.
 #[derive(Debug)]
@@ -121,6 +126,14 @@ impl PathTracer {
         if first_row == 0 {
             sum.under_way = count;
         }
+        // Beside light paths that bring all else, few paths do for what shines itself.
+        let seen_count = if options.max_depth == 1 && photons.is_some() {
+            sum.under_way.div_ceil(SAMPLES_A_PATH)
+        } else {
+            sum.under_way
+        };
+        let first_seen =
+            (u64::from(sum.samples) * u64::from(seen_count) / u64::from(sum.under_way.max(1))) as u32;
         let pass = PathPass {
             size_px,
             first_sample: sum.samples,
@@ -130,6 +143,8 @@ impl PathTracer {
             seed: options.seed,
             first_row,
             rows,
+            first_seen,
+            seen_count,
             reserved: 0,
         };
         frame.upload(&self.uniform, &[pass]);
