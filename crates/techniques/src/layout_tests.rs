@@ -232,6 +232,7 @@ fn rust_structs_equal_their_wesl_twins() {
         share,
         first_lane,
         end_lane,
+        aimed,
         reserved,
     );
     let refit = &linked("rays/refit.cs.wesl");

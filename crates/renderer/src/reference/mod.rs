@@ -214,7 +214,7 @@ impl Reference {
         }
         let gpu = &self.kit.gpu;
         if !self.traced.update(gpu, scene, &loaded.pose) {
-            self.traced = TraceData::build(scene, &loaded.pose, &loaded.gpu.motion.strayed()).upload(gpu)?;
+            self.traced = TraceData::build(scene, &loaded.pose, &[]).upload(gpu)?;
         }
         if !self.emitters.update(gpu, scene, &loaded.pose) {
             self.emitters = EmitterData::build(scene, &loaded.pose).upload(gpu)?;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, BufferReadback, Gpu, GpuError};
 use chiaro_scene as cs;
-use glam::{Affine3A, DVec3, Vec3A};
+use glam::{Affine3A, DVec3};
 use obvhs::aabb::Aabb;
 
 use super::refit::{Bending, Plan};
@@ -17,8 +17,8 @@ use super::upper::{self, Place, Placed};
 use crate::scene::motion::{Mover, bounds_over_time, same_place};
 use crate::scene::{Cut, Drawn, SceneFacts};
 
-/// Words before the trees: the root, and the box around everything.
-const HEADER: usize = 2;
+/// Words before the trees: the root's.
+const HEADER: usize = 1;
 /// Meshes drawn more than once get a tree of their own from so many triangles on.
 const SHARED_TRIANGLES: u32 = 512;
 
@@ -209,9 +209,8 @@ impl TraceScene {
 
 /// The header, and the tree over trees that follows it.
 fn upper_words(placed: &[Placed], at: (&cs::Scene, &cs::Pose)) -> Vec<Word> {
-    let (root, bounds, words) = upper::build(placed, at, HEADER);
-    let corner = |first: u32, p: Vec3A| [first, p.x.to_bits(), p.y.to_bits(), p.z.to_bits()];
-    [&[corner(root, bounds.min), corner(0, bounds.max)], &words[..]].concat()
+    let (root, words) = upper::build(placed, at, HEADER);
+    [&[[root, 0, 0, 0]], &words[..]].concat()
 }
 
 /// How each drawn mesh gets into the world; `None` for those whose triangles lie in the one tree of all that stands still.

@@ -60,19 +60,18 @@ pub(super) fn room(count: usize) -> usize {
     NODE * count.saturating_sub(1).max(1) + INSTANCE * count
 }
 
-/// What the header says of the root, the box around everything, and the words from `first` on.
+/// What the header says of the root, and the words from `first` on.
 pub(super) fn build(
     placed: &[Placed],
     (scene, pose): (&cs::Scene, &cs::Pose),
     first: usize,
-) -> (u32, Aabb, Vec<Word>) {
+) -> (u32, Vec<Word>) {
+    if let [Placed { root, place: Place::Still | Place::Bent(_), .. }] = placed {
+        return (root | TRIANGLES, Vec::new());
+    }
     let things: Vec<_> = placed.iter().filter_map(|placed| placed.thing(scene, pose)).collect();
     let boxes = padded(things.iter().map(|(bounds, _)| *bounds).collect());
-    let bounds = boxes.iter().fold(Aabb::INVALID, |all, bounds| all.union(bounds));
-    if let [Placed { root, place: Place::Still | Place::Bent(_), .. }] = placed {
-        return (root | TRIANGLES, bounds, Vec::new());
-    }
     let tree = tree::wide(&boxes, 1, UPPER_DEPTH);
     let words: Vec<_> = tree::words(&tree, |index| things[index as usize].1, first).collect();
-    (if words.is_empty() { EMPTY } else { first as u32 }, bounds, words)
+    (if words.is_empty() { EMPTY } else { first as u32 }, words)
 }

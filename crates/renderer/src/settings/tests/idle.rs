@@ -13,10 +13,12 @@ use crate::{LoadedScene, Renderer, StillOptions, View};
 const SIDE: &str = "128";
 
 /// Together they make every condition false once, and true.
-const COMBINATIONS: [&[(&str, &str)]; 14] = [
+const COMBINATIONS: [&[(&str, &str)]; 16] = [
     &[],
     &[("pipeline", "forward"), ("surface.msaa", "1"), ("shadow.transmission_tint", "true")],
     &[("shadow.layout", "none")],
+    &[("shadow.layout", "traced")],
+    &[("shadow.layout", "traced"), ("shadow.rays", "3"), ("shadow.transmission_tint", "true")],
     &[("shadow.layout", "single"), ("shadow.pcf_kernel", "disc")],
     &[("shadow.splits", "2,4,6"), ("shadow.filter", "none")],
     &[("shadow.filter", "pcss"), ("shadow.point_layout", "paraboloid")],
@@ -117,10 +119,16 @@ fn what_does_nothing_reaches_no_plan() {
     }
 }
 
-fn picture(renderer: &mut Renderer, settings: &Settings, scene: &LoadedScene, view: &View) -> Vec<u8> {
+fn picture(
+    renderer: &mut Renderer,
+    settings: &Settings,
+    (scene, loaded): (&Scene, &mut LoadedScene),
+    view: &View,
+) -> Vec<u8> {
     renderer.set(settings.clone()).unwrap();
+    renderer.equip(scene, loaded).unwrap();
     let options = StillOptions { size: [48, 36], samples: 1, ..StillOptions::default() };
-    let still = renderer.still(scene, view, &options).unwrap();
+    let still = renderer.still(loaded, view, &options).unwrap();
     still.radiance.wait(renderer.gpu()).unwrap().bytes
 }
 
@@ -128,17 +136,17 @@ fn picture(renderer: &mut Renderer, settings: &Settings, scene: &LoadedScene, vi
 fn what_does_nothing_changes_no_bit_of_a_picture_even_where_it_is_handed_on() {
     let gpu = pollster::block_on(Gpu::new(GpuOptions::default())).unwrap();
     let (scene, view) = scene();
-    let (mut renderer, loaded) = Renderer::with_scene(&gpu, Settings::default(), &scene).unwrap();
+    let (mut renderer, mut loaded) = Renderer::with_scene(&gpu, Settings::default(), &scene).unwrap();
     LITERALLY.set(true);
     let mut wrong = Vec::new();
     for base in combinations() {
-        let expected = picture(&mut renderer, &base, &loaded, &view);
+        let expected = picture(&mut renderer, &base, (&scene, &mut loaded), &view);
         for keys in changes(&base) {
-            if picture(&mut renderer, &changed(&base, &keys), &loaded, &view) == expected {
+            if picture(&mut renderer, &changed(&base, &keys), (&scene, &mut loaded), &view) == expected {
                 continue;
             }
             for key in keys {
-                if picture(&mut renderer, &changed(&base, &[key]), &loaded, &view) != expected {
+                if picture(&mut renderer, &changed(&base, &[key]), (&scene, &mut loaded), &view) != expected {
                     wrong.push(format!("{key} beside {}", base.idle(key).unwrap()));
                 }
             }

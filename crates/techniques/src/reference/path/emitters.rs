@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, Gpu, GpuError};
 use chiaro_scene as cs;
-use glam::Vec3;
+use glam::{BVec3, Vec3};
 
 use super::lamps::Lamps;
 use crate::frame::LightData;
@@ -19,6 +19,8 @@ use crate::scene::Cut;
 /// Kinds, in the top bits of an emitter's third word.
 const TRIANGLE: u32 = 1 << 30;
 const ENVIRONMENT: u32 = 2 << 30;
+/// As in `photon/emit.wesl`.
+const WIDEST: f32 = 0.99;
 /// Columns of the environment's table at most.
 const COLUMNS: u32 = 1024;
 
@@ -29,6 +31,7 @@ const HEADER: usize = 2;
 #[derive(Clone, Debug)]
 pub struct EmitterData {
     words: Vec<Word>,
+    aimed: f32,
     lamps: Lamps,
 }
 
@@ -37,6 +40,8 @@ pub struct EmitterData {
 pub struct Emitters {
     /// What `emitters.wesl` calls `emitters`.
     pub words: Buffer,
+    /// Of paths that leave emitters evenly over all their directions, the share that may meet the scene.
+    pub aimed: f32,
     count: usize,
     lamps: Lamps,
 }
@@ -44,7 +49,8 @@ pub struct Emitters {
 impl EmitterData {
     /// Looks at a scene as it stands in a pose.
     pub fn build(scene: &cs::Scene, pose: &cs::Pose) -> Self {
-        Self { words: words(scene, pose), lamps: Lamps::new(scene, pose) }
+        let (words, aimed) = words(scene, pose);
+        Self { words, aimed, lamps: Lamps::new(scene, pose) }
     }
 
     /// Uploads.
@@ -64,7 +70,7 @@ impl EmitterData {
             });
         }
         let words = Buffer::with_data(gpu, "emitters", &self.words, BufferUsages::STORAGE);
-        Ok(Emitters { words, count: self.words.len(), lamps: self.lamps })
+        Ok(Emitters { words, aimed: self.aimed, count: self.words.len(), lamps: self.lamps })
     }
 }
 
@@ -74,18 +80,19 @@ impl Emitters {
     #[must_use]
     pub fn update(&mut self, gpu: &Gpu, scene: &cs::Scene, pose: &cs::Pose) -> bool {
         if self.lamps.changed(pose) {
-            let words = words(scene, pose);
+            let (words, aimed) = words(scene, pose);
             if words.len() != self.count {
                 return false;
             }
             gpu.queue.write_buffer(self.words.raw(), 0, bytemuck::cast_slice(&words));
+            self.aimed = aimed;
         }
         true
     }
 }
 
-/// All that shines, as it stands in a pose.
-fn words(scene: &cs::Scene, pose: &cs::Pose) -> Vec<Word> {
+/// All that shines, as it stands in a pose, and how much of it may meet the scene.
+fn words(scene: &cs::Scene, pose: &cs::Pose) -> (Vec<Word>, f32) {
     let mut gathered = Gathered::new(scene, pose);
     if gathered.materials.iter().any(|glow| *glow > 0.0) {
         let cut = Cut::new(scene, pose);
@@ -102,7 +109,8 @@ fn words(scene: &cs::Scene, pose: &cs::Pose) -> Vec<Word> {
 struct Gathered {
     /// What a material emits, by the largest channel of its factor and the largest alpha that it may have.
     materials: Vec<f32>,
-    lights: Vec<f32>,
+    /// Flux, and the share of it that may meet the scene.
+    lights: Vec<(f32, f32)>,
     triangles: Vec<(f32, Word)>,
     environment: Option<Table>,
     environment_flux: f32,
@@ -135,7 +143,7 @@ impl Gathered {
                 .iter()
                 .map(|m| m.emissive.max_element().max(0.0) * coverage(m))
                 .collect(),
-            lights: light_data(scene, pose).0.iter().map(flux).collect(),
+            lights: light_data(scene, pose).0.iter().map(|l| (flux(l), aimed(l, (lo, hi)))).collect(),
             triangles: Vec::new(),
             environment: environment.map(|(table, _)| table),
             environment_flux: 4.0 * PI * mean * disc.max(f32::MIN_POSITIVE),
@@ -153,13 +161,13 @@ impl Gathered {
     }
 
     /// The tables, after a header that says where they are.
-    fn words(self) -> Vec<Word> {
+    fn words(self) -> (Vec<Word>, f32) {
         let mut words = vec![[0; 4]; HEADER];
         let all_triangles: f64 = self.triangles.iter().map(|(flux, _)| f64::from(*flux)).sum();
         let environment = f64::from(self.environment_flux);
         let total =
-            self.lights.iter().map(|flux| f64::from(*flux)).sum::<f64>() + all_triangles + environment;
-        let groups = self.lights.iter().filter(|flux| **flux > 0.0).count()
+            self.lights.iter().map(|(flux, _)| f64::from(*flux)).sum::<f64>() + all_triangles + environment;
+        let groups = self.lights.iter().filter(|(flux, _)| *flux > 0.0).count()
             + usize::from(all_triangles > 0.0)
             + usize::from(environment > 0.0);
         // A group's share by its flux.
@@ -169,8 +177,11 @@ impl Gathered {
         let per_flux = if all_triangles > 0.0 { share(all_triangles) / all_triangles } else { 0.0 };
         let mut shares = Vec::new();
         let mut emitters = Vec::new();
-        for (index, flux) in (0u32..).zip(&self.lights) {
-            shares.push(share(f64::from(*flux)));
+        let mut missing = 0.0;
+        for (index, (flux, aimed)) in (0u32..).zip(&self.lights) {
+            let share = share(f64::from(*flux));
+            missing += share * (1.0 - f64::from(*aimed));
+            shares.push(share);
             emitters.push((index, [0; 4]));
         }
         for (flux, word) in &self.triangles {
@@ -184,8 +195,8 @@ impl Gathered {
         words[0][0] = words.len() as u32;
         words[0][1] = emitters.len() as u32;
         let table = alias(&shares);
-        for (((threshold, other), (kind, word)), share) in table.into_iter().zip(emitters).zip(shares) {
-            words.extend([[threshold.to_bits(), other, kind, (share as f32).to_bits()], word]);
+        for (((threshold, other), (kind, word)), share) in table.into_iter().zip(emitters).zip(&shares) {
+            words.extend([[threshold.to_bits(), other, kind, (*share as f32).to_bits()], word]);
         }
         words[0][2] = words.len() as u32;
         words.extend(
@@ -202,8 +213,26 @@ impl Gathered {
         }
         // Density over area of a triangle, by what its material emits.
         words[0][3] = ((f64::from(PI) * per_flux) as f32).to_bits();
-        words
+        let all: f64 = shares.iter().sum();
+        (words, (1.0 - missing / all.max(f64::MIN_POSITIVE)) as f32)
     }
+}
+
+/// The share of a light's directions that a cone around the corners of a box takes. Twin of `towards_target` in
+/// `photon/emit.wesl`.
+fn aimed(light: &LightData, (lo, hi): (Vec3, Vec3)) -> f32 {
+    let from = Vec3::from(light.position_ws);
+    let own = match light.kind {
+        LightData::DIRECTIONAL => return 1.0,
+        LightData::SPOT => 1.0 - light.cone_rad.cos(),
+        _ => 2.0,
+    };
+    let corner = |i: u32| Vec3::select(BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), hi, lo) - from;
+    let corners: [Vec3; 8] = std::array::from_fn(|i| corner(i as u32).normalize_or_zero());
+    let axis = corners.iter().sum::<Vec3>().normalize_or_zero();
+    let height = corners.iter().map(|c| 0.5 * (*c - axis).length_squared()).fold(0.0, f32::max);
+    let inside = from.cmpgt(lo).all() && from.cmplt(hi).all();
+    if inside || height >= WIDEST { 1.0 } else { (height / own).min(1.0) }
 }
 
 /// How much of a surface is there at most: textures and vertex colours only lower alpha.

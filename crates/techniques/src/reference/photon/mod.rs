@@ -60,7 +60,8 @@ pub(crate) struct PhotonPass {
     pub share: f32,
     pub first_lane: u32,
     pub end_lane: u32,
-    pub reserved: [u32; 2],
+    pub aimed: f32,
+    pub reserved: u32,
 }
 
 /// Words of a pixel's splats, of a cell, and of a photon.
@@ -197,31 +198,36 @@ impl PhotonTracer {
         let round = f64::from(first / samples.max(1));
         // A radius' square falls like the product of (k + kept) / (k + 1), which goes as this power.
         let shrunk = (round + 1.0).powf(0.5 * (KEPT - 1.0)) as f32;
+        // Paths that leave emitters for what is not there are none, and those that are left number all the same.
+        let aimed = if options.caustics_only { 1.0 } else { emitters.aimed };
+        let paths = ((samples as f32 * aimed).ceil() as u32).clamp(1, samples.max(1));
+        let before = u64::from(first / samples.max(1)) * u64::from(paths) * u64::from(map.lanes);
         // Another sequence each time that the numbers of paths begin anew.
-        let begun = (u64::from(first) * u64::from(map.lanes)) >> 32;
+        let begun = (before >> 32) as u32;
         let pass = PhotonPass {
             scene_lo: lo.to_array(),
             scene_hi: hi.to_array(),
             target_lo: target_lo.to_array(),
             target_hi: target_hi.to_array(),
             lanes: map.lanes,
-            paths: samples,
+            paths,
             cells: map.cells,
-            first_path: first.wrapping_mul(map.lanes),
+            first_path: before as u32,
             size_px,
             max_depth: options.max_depth,
             diffuse_bounces: options.diffuse_bounces,
-            seed: options.seed.wrapping_add((begun as u32).wrapping_mul(0x9e37_79b9)),
+            seed: options.seed.wrapping_add(begun.wrapping_mul(0x9e37_79b9)),
             caustics_only: u32::from(options.caustics_only),
             pixel_m2,
             step: typical_nits / STEPS,
             radius_m: RADIUS * (hi - lo).length().max(1e-30) * shrunk,
             shrunk,
             footprint: RADIUS_PX * (pixel_m2 / PI).sqrt(),
-            share: 1.0 / (map.lanes as f32 * samples as f32),
+            share: 1.0 / (map.lanes as f32 * paths as f32),
             first_lane: lanes.start,
             end_lane: lanes.end,
-            reserved: [0; 2],
+            aimed: paths as f32 / samples.max(1) as f32,
+            reserved: 0,
         };
         if lanes.start == 0 {
             frame.clear(&map.words);
