@@ -112,6 +112,13 @@ pub struct Group {
     pub(crate) raw: wgpu::BindGroup,
     pub(crate) reads: Vec<(&'static str, Bound)>,
     // What nobody else holds is kept by the bind group, and can be looked at as long.
-    #[expect(dead_code, reason = "held")]
     held: Vec<Handle>,
+}
+
+impl Group {
+    /// The texture or buffer that a shader knows by this name.
+    pub fn handle(&self, name: &str) -> Option<&Handle> {
+        let place = self.reads.iter().position(|(known, _)| *known == name)?;
+        self.held.get(place)
+    }
 }

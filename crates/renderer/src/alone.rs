@@ -1,12 +1,15 @@
 //! Single techniques for programs that keep their own geometry, pipelines and shaders: WGSL text to add to a shader, and
 //! the bind group that it reads.
 
-use bytemuck::Zeroable;
+mod group;
+mod traced;
+
 use chiaro_gpu::shader::Alone;
-use chiaro_gpu::{Buffer, Gpu, Life, wgpu};
+use chiaro_gpu::{Buffer, Gpu, wgpu};
 use chiaro_scene::Light;
-use chiaro_techniques::frame::{FIRST_LIGHT_BYTES, FrameData, LightData};
+use chiaro_techniques::frame::FIRST_LIGHT_BYTES;
 use chiaro_techniques::scene::SceneFacts;
+use chiaro_techniques::shaders::ShadowSource;
 use chiaro_techniques::shadow::{
     CameraView, Fit, FitInputs, Layout, Lookup, PointLayout, Representation, ShadowOutputs, ShadowSettings,
     ShadowView, fit,
@@ -15,6 +18,8 @@ use chiaro_techniques::{light, shaders};
 use glam::{Affine3A, Mat4, Vec2, Vec3};
 
 use crate::{Error, View};
+
+pub use traced::TracedShadows;
 
 /// Shadow maps of any number of lights, drawn by the program and looked up by its shaders.
 ///
@@ -51,8 +56,8 @@ impl Shadows {
     /// Links what shaders look shadows up with.
     ///
     /// # Errors
-    /// When the settings do not go together, or want what the renderer alone can make: moments, tints, paraboloids, rays,
-    /// cascades that are fitted to the picture's depth.
+    /// When the settings do not go together, or want what the renderer alone can make: moments, tints, paraboloids, cascades that
+    /// are fitted to the picture's depth. Rays are [`TracedShadows`].
     pub fn new(gpu: &Gpu, settings: ShadowSettings) -> Result<Self, Error> {
         let beyond = [
             ("representation = depth", settings.representation == Representation::Depth),
@@ -70,22 +75,9 @@ impl Shadows {
             return Err(Error::Combination(reason));
         }
         let constants = Lookup::new(&settings).constants(gpu, SceneFacts::default());
-        let text = shaders::library().alone(&shaders::shadow_alone(), &constants)?;
-        let entries: Vec<_> = text
-            .bindings
-            .iter()
-            .map(|binding| wgpu::BindGroupLayoutEntry {
-                binding: binding.binding,
-                visibility: wgpu::ShaderStages::FRAGMENT | wgpu::ShaderStages::COMPUTE,
-                ty: binding.ty,
-                count: None,
-            })
-            .collect();
-        let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("chiaro shadows"), entries: &entries };
-        let layout = gpu.device.create_bind_group_layout(&descriptor);
-        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let frame = Buffer::new(gpu, "frame", Life::Kept, size_of::<FrameData>() as u64, usage);
-        let lighting = lighting(gpu, 1);
+        let text = shaders::library().alone(&shaders::shadow_alone(ShadowSource::DepthMaps), &constants)?;
+        let layout = group::layout(gpu, &text);
+        let (frame, lighting) = (group::frame(gpu), group::lighting(gpu, 1));
         let outputs = ShadowOutputs::new(gpu, 1, 1);
         let bind_group = bound(gpu, &layout, &text, (&frame, &lighting), &outputs);
         let gpu = gpu.clone();
@@ -123,7 +115,7 @@ impl Shadows {
         let bytes = FIRST_LIGHT_BYTES + size_of_val(lights.as_slice()) as u64;
         let holds = self.lighting.raw().size() >= bytes;
         if !holds {
-            self.lighting = lighting(gpu, lights.len());
+            self.lighting = group::lighting(gpu, lights.len());
         }
         if !fits {
             self.outputs = ShadowOutputs::new(gpu, side, layers);
@@ -132,17 +124,7 @@ impl Shadows {
             self.bind_group =
                 bound(gpu, &self.layout, &self.text, (&self.frame, &self.lighting), &self.outputs);
         }
-        let data = FrameData {
-            clip_from_ws: clip_from_ws.to_cols_array_2d(),
-            relative_from_clip: view.relative_from_clip(size_px, Vec2::ZERO).to_cols_array_2d(),
-            eye_ws: view.eye_ws().to_array(),
-            orthographic: u32::from(view.is_orthographic()),
-            forward_ws: view.forward_ws().to_array(),
-            footprint_scale: 1.0,
-            size_px,
-            shadow: self.settings.parameters(),
-            ..FrameData::zeroed()
-        };
+        let data = group::frame_data(view, size_px, settings);
         let views: Vec<_> = self.views.iter().map(|view| view.data).collect();
         gpu.queue.write_buffer(self.frame.raw(), 0, bytemuck::bytes_of(&data));
         gpu.queue.write_buffer(self.lighting.raw(), 0, bytemuck::cast_slice(&views));
@@ -182,12 +164,6 @@ impl Shadows {
     }
 }
 
-fn lighting(gpu: &Gpu, lights: usize) -> Buffer {
-    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-    let bytes = FIRST_LIGHT_BYTES + (lights.max(1) * size_of::<LightData>()) as u64;
-    Buffer::new(gpu, "lighting", Life::Kept, bytes, usage)
-}
-
 fn bound(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,
@@ -197,14 +173,5 @@ fn bound(
 ) -> wgpu::BindGroup {
     let mut all = outputs.binds();
     all.extend([("frame", frame.into()), ("lighting", lighting.into())]);
-    let entries: Vec<_> = text
-        .bindings
-        .iter()
-        .filter_map(|wanted| {
-            let (_, handle) = all.iter().find(|(name, _)| *name == wanted.name)?;
-            Some(wgpu::BindGroupEntry { binding: wanted.binding, resource: handle.resource() })
-        })
-        .collect();
-    let descriptor = wgpu::BindGroupDescriptor { label: Some("chiaro shadows"), layout, entries: &entries };
-    gpu.device.create_bind_group(&descriptor)
+    group::bound(gpu, layout, text, |name| all.iter().find(|(known, _)| *known == name).map(|(_, b)| *b))
 }

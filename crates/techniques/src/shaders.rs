@@ -163,7 +163,7 @@ pub fn permutations() -> Vec<Permutation> {
     ];
     let mut all: Vec<_> = plain_entries.into_iter().map(plain).collect();
     all.extend([Viewed::Multisampled, Viewed::Words].map(|what| debug_view(what, false)));
-    all.extend([background(), photon_trace(), first_hit(), shadow_alone()]);
+    all.extend([background(), photon_trace(), first_hit()]);
     for a in [false, true] {
         all.extend([Viewed::Float, Viewed::Integer].map(|what| debug_view(what, a)));
         all.push(resolve(a, false));
@@ -180,7 +180,7 @@ pub fn permutations() -> Vec<Permutation> {
         }
     }
     for source in ShadowSource::ALL {
-        all.push(aov(source));
+        all.extend([aov(source), shadow_alone(source)]);
         for a in [false, true] {
             all.extend([shade_layer(a, source), shade(a, source)]);
             all.extend([forward(a, false, source), forward(a, true, source)]);
@@ -271,9 +271,9 @@ pub fn aov(shadows: ShadowSource) -> Permutation {
     shadows.flags(Permutation::plain("post/aov.cs.wesl"))
 }
 
-/// Shadow maps, drawn by the hardware, for other programs.
-pub fn shadow_alone() -> Permutation {
-    Permutation::plain("shadow/alone.vs.wesl").flag(FLOAT_MAPS, false)
+/// Shadows for other programs.
+pub fn shadow_alone(shadows: ShadowSource) -> Permutation {
+    shadows.flags(Permutation::plain("shadow/alone.vs.wesl"))
 }
 
 /// A shadow view's depth.

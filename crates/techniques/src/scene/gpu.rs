@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{self, BindingType, BufferBindingType, ShaderStages};
-use chiaro_gpu::{Binding, Buffer, Gpu, GpuError, Group, GroupLayout, Texture};
+use chiaro_gpu::{Binding, Buffer, Gpu, GpuError, Group, GroupLayout, Handle, Texture};
 use chiaro_scene as cs;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -61,6 +61,7 @@ pub struct SceneGpu {
     id: u64,
     group: Group,
     pub(crate) buffers: SceneBuffers,
+    sampler: wgpu::Sampler,
     /// What moves, and how it stands now.
     pub motion: SceneMotion,
     /// Draws in all: clusters times their instances.
@@ -315,6 +316,7 @@ impl SceneGpu {
         Ok(Self {
             id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
             group,
+            sampler,
             buffers: SceneBuffers { geometry, clusters, instances },
             motion,
             item_count: items.len() as u32,
@@ -354,6 +356,16 @@ impl SceneGpu {
     /// The classes that have something to draw.
     pub fn classes(&self) -> Range<usize> {
         if self.see_through() { 0..CLASSES } else { OPAQUE }
+    }
+
+    /// What group 1 binds by this name, for bind groups of one's own.
+    pub fn binding(&self, name: &str) -> Option<Binding<'_>> {
+        Some(match self.group.handle(name) {
+            Some(Handle::Buffer(buffer)) => buffer.into(),
+            Some(Handle::Texture(texture)) => texture.into(),
+            None if name == "material_sampler" => (&self.sampler).into(),
+            None => return None,
+        })
     }
 
     /// A number that no other scene has, so that caches know what they hold.
