@@ -48,6 +48,11 @@ pub enum Error {
     /// Rays were asked for, and the scene has no trees for them.
     #[error("settings shoot rays at a scene that has no trees for them: give it some by `Renderer::equip`")]
     NoTrees,
+    /// The scene draws what no pass was compiled for.
+    #[error(
+        "no passes are compiled for what this scene draws: `Renderer::equip` compiles them, or `Renderer::plan`"
+    )]
+    NoPasses,
     /// A picture of no or too many pixels.
     #[error("a picture cannot have {}×{} pixels: it takes 1 to {most} a side", size[0], size[1])]
     Size {

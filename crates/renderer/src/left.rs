@@ -54,7 +54,16 @@ impl<'a> Wanted<'a> {
             return Ok(());
         }
         let all: Vec<_> = frame.resources().collect();
-        self.last = self.names.iter().map(|name| find(&all, name)).collect::<Result<_, _>>()?;
+        if self.last.is_empty() {
+            self.last = self.names.iter().map(|name| find(&all, name)).collect::<Result<_, _>>()?;
+        } else {
+            // What rests, as shadow maps may, later frames do not touch.
+            for (last, name) in self.last.iter_mut().zip(self.names) {
+                if let Ok(found) = find(&all, name) {
+                    *last = found;
+                }
+            }
+        }
         for (resource, sum) in self.last.iter().zip(&mut self.sums) {
             let Handle::Texture(texture) = &resource.handle else { continue };
             if !is_summed(texture.options(), size) {
@@ -122,24 +131,25 @@ fn find(all: &[Resource], name: &str) -> Result<Resource, Error> {
 }
 
 impl Renderer {
-    /// What a frame leaves behind that [`crate::StillOptions::left`] takes. Renders a frame to see.
+    /// What a frame leaves behind that [`crate::StillOptions::left`] takes. Renders a frame to see, in a view of its own, where
+    /// nothing rests yet. What follows a pose to the GPU, such as trees that are refitted, only the first frame after it
+    /// has.
     ///
     /// # Errors
     /// As [`Renderer::prepare`].
     pub fn leaves(
-        &mut self,
+        &self,
         recorder: &mut Recorder,
         scene: &LoadedScene,
         view: &View,
         size: [u32; 2],
     ) -> Result<Vec<Resource>, Error> {
-        let mut state = self.still_view.take().unwrap_or_else(|| ViewState::new(self));
+        let mut state = ViewState::new(self);
         let prepared = self.prepare(&mut state, scene, view, size, (Vec2::ZERO, 1.0))?;
         let mut frame = recorder.begin();
         let _ = prepared.record(&mut frame, true);
         let all = frame.resources().filter(is_readable).collect();
         frame.submit();
-        self.still_view = Some(state);
         Ok(all)
     }
 }

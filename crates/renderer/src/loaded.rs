@@ -111,9 +111,20 @@ impl LoadedScene {
     /// making ([`Pose::set_world`]), which may have any node, light or camera elsewhere. The next frame shows it, and knows where everything was
     /// before. The sky that places see stays that of the scene at rest. A loaded scene starts with the pose at time 0. Where
     /// [`Scene::settle`] has chosen another origin, views must count from it too, as [`View::from_pose`] does.
+    /// What a pose puts at places that are no numbers, or beyond all scenes, is not seen and casts no shadow.
+    ///
+    /// # Panics
+    /// When the scene or the pose has other nodes than what was loaded.
     ///
     /// [`View::from_pose`]: crate::View::from_pose
     pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) {
+        let nodes = self.pose.world_from_node.len();
+        assert!(
+            scene.nodes.len() == nodes && pose.world_from_node.len() == nodes,
+            "a scene of {nodes} nodes takes no pose of {} in a scene of {}",
+            pose.world_from_node.len(),
+            scene.nodes.len(),
+        );
         let (origin, strayed) = (self.gpu.motion.origin(), self.gpu.motion.strayed_bounds_ws().len());
         self.gpu.set_pose(scene, pose);
         let motion = &self.gpu.motion;

@@ -204,7 +204,8 @@ impl Renderer {
     /// and `footprint_scale` (1/√frames averaged) sharpens textures accordingly.
     ///
     /// # Errors
-    /// When the picture has no pixels, or more to a side than the adapter can do.
+    /// When the picture has no pixels, or more to a side than the adapter can do; when the scene lacks trees that settings
+    /// shoot rays through, or needs passes that are not compiled: [`Renderer::equip`] sees to both.
     pub fn prepare<'a>(
         &'a self,
         state: &'a mut ViewState,
@@ -214,17 +215,13 @@ impl Renderer {
         (jitter_px, footprint_scale): (Vec2, f32),
     ) -> Result<Prepared<'a>, Error> {
         let (gpu, passes) = (&self.kit.gpu, &self.passes);
-        let most = gpu.limits.max_texture_dimension_2d;
-        if size_px.iter().any(|&side| side == 0 || side > most) {
-            return Err(Error::Size { size: size_px, most });
-        }
+        check_size(gpu, size_px)?;
         if scene.lacks_trees(&self.resolved) {
             return Err(Error::NoTrees);
         }
-        assert!(
-            self.facts.serve(scene.gpu.facts),
-            "passes were compiled for less than the scene needs: plan"
-        );
+        if !self.facts.serve(scene.gpu.facts) {
+            return Err(Error::NoPasses);
+        }
         let settings = &self.resolved;
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
         let steady = view.clip_from_ws(size_px, Vec2::ZERO);
@@ -342,6 +339,15 @@ impl ViewState {
         let table = &renderer.passes.albedo_table.texture;
         Self::without_room(renderer.gpu(), renderer.frame_layout(), table)
     }
+}
+
+/// Refuses pictures that no texture can hold.
+pub(crate) fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), Error> {
+    let most = gpu.limits.max_texture_dimension_2d;
+    if size.iter().any(|&side| side == 0 || side > most) {
+        return Err(Error::Size { size, most });
+    }
+    Ok(())
 }
 
 /// How much sky the eye sees; looked up again only when it moved.

@@ -5,6 +5,7 @@ use chiaro_techniques::post::{Accumulator, Aov, AovPass, Display, Sum};
 use glam::Vec2;
 
 use crate::left::Wanted;
+use crate::renderer::check_size;
 use crate::{Error, Kit, LeftOver, LoadedScene, Renderer, View, ViewState};
 
 /// What to make.
@@ -89,7 +90,7 @@ impl Renderer {
     /// the result is read with [`Readback::poll`] or [`Readback::wait`].
     ///
     /// # Errors
-    /// When the device reports an error, or frames leave nothing of a name.
+    /// As [`Renderer::prepare`], when the device reports an error, or frames leave nothing of a name.
     pub fn still(
         &mut self,
         scene: &LoadedScene,
@@ -102,7 +103,7 @@ impl Renderer {
     /// The same with a recorder of one's own, which then has the frames' timings.
     ///
     /// # Errors
-    /// When the device reports an error.
+    /// As [`Renderer::still`].
     pub fn still_in(
         &mut self,
         recorder: &mut Recorder,
@@ -113,6 +114,7 @@ impl Renderer {
     ) -> Result<Still, Error> {
         let Kit { gpu, library, .. } = self.kit().clone();
         let size = options.size;
+        check_size(&gpu, size)?;
         let samples = options.samples.max(1);
         let jitter = Jitter::new(samples);
         let (kit, permutations) = (self.kit().clone(), self.permutations());
@@ -128,8 +130,9 @@ impl Renderer {
         let mut unlit = scene.gpu.unlit.then(|| Sum::new(&gpu, &self.pool, size));
         let mut aov_sums: Vec<_> = options.aovs.iter().map(|_| Sum::new(&gpu, &self.pool, size)).collect();
         let picture = Display::picture(&gpu, &self.pool, size);
-        // Maps that rest are kept from still to still.
-        let mut state = self.still_view.take().unwrap_or_else(|| ViewState::new(self));
+        // Maps that rest are kept from still to still, unless what they are made with is asked for.
+        let kept = self.still_view.take().filter(|_| options.left.is_empty());
+        let mut state = kept.unwrap_or_else(|| ViewState::new(self));
         let mut left = Wanted::new(&options.left);
         for index in 0..samples {
             let sampling = (jitter.offset_px(index), jitter.footprint_scale());

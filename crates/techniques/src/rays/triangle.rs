@@ -21,7 +21,7 @@ pub(super) const TRIANGLE: usize = 3;
 pub(super) const PAD: f32 = 2e-6;
 /// What counts as a tree's largest coordinate at least, metres.
 const LEAST_EXTENT: f32 = 1e-6;
-/// Beyond this coordinates are no scene but an accident; triangles there are left out.
+/// Beyond this coordinates are no scene but an accident; what is there is left out.
 const FARTHEST: f32 = 1e15;
 
 /// A triangle that is drawn somewhere, or somewhere in its mesh.
@@ -88,11 +88,15 @@ fn cluster_triangles<'a>(
             let own = Vec3::from_array(std::array::from_fn(|i| f32::from_bits(cut.heap.words[at + i])));
             if instance == NO_INSTANCE { own } else { to_world(&cut.instances[instance as usize], own) }
         });
-        // Comparisons with NaN are false.
-        let sane = corners.iter().all(|p| p.abs().max_element() < FARTHEST && !p.is_nan());
+        let sane = corners.iter().all(|&p| is_somewhere(p));
         let word = [(cluster as u32) << 8 | triangle, instance, data.positions, packed];
         sane.then_some(TriangleRef { word, corners, material, masked, one_sided, see_through })
     })
+}
+
+/// Whether a place is one that things may be at.
+pub(super) fn is_somewhere(p: Vec3) -> bool {
+    p.abs().max_element() < FARTHEST && !p.is_nan()
 }
 
 fn to_world(instance: &InstanceData, p: Vec3) -> Vec3 {

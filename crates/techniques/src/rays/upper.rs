@@ -5,7 +5,7 @@ use glam::Vec3A;
 use obvhs::aabb::Aabb;
 
 use super::tree::{self, EMPTY, NODE, UPPER_DEPTH, Word};
-use super::triangle::{NO_INSTANCE, inverse_rows, moved, padded};
+use super::triangle::{NO_INSTANCE, inverse_rows, is_somewhere, moved, padded};
 use crate::scene::instance_data;
 use crate::scene::motion::Mover;
 
@@ -69,7 +69,9 @@ pub(super) fn build(
     if let [Placed { root, place: Place::Still | Place::Bent(_), .. }] = placed {
         return (root | TRIANGLES, Vec::new());
     }
-    let things: Vec<_> = placed.iter().filter_map(|placed| placed.thing(scene, pose)).collect();
+    let things = placed.iter().filter_map(|placed| placed.thing(scene, pose));
+    let things: Vec<_> =
+        things.filter(|(b, _)| is_somewhere(b.min.into()) && is_somewhere(b.max.into())).collect();
     let boxes = padded(things.iter().map(|(bounds, _)| *bounds).collect());
     let tree = tree::wide(&boxes, 1, UPPER_DEPTH);
     let words: Vec<_> = tree::words(&tree, |index| things[index as usize].1, first).collect();

@@ -416,3 +416,22 @@ fn scenes_that_break_rules_reach_neither_gpu_nor_tracer() {
     let format = (TextureFormat::Rgba8Unorm, TextureFormat::Rgba8Unorm);
     drawn(&renderer, (&empty, &camera()), format, [8, 8]);
 }
+
+#[test]
+fn what_cannot_be_rendered_is_refused_before_the_device_hears_of_it() {
+    let gpu = device();
+    let mut renderer = Renderer::new(&gpu, settings()).unwrap();
+    let loaded = renderer.load(&stage()).unwrap();
+    for size in [[0, 0], [5, 0], [u32::MAX, 1]] {
+        let options = StillOptions { size, samples: 1, ..StillOptions::default() };
+        assert!(matches!(renderer.still(&loaded, &camera(), &options), Err(Error::Size { .. })), "{size:?}");
+        gpu.check().unwrap();
+    }
+    // Uploaded, but nothing is compiled for it.
+    let renderer = &mut Renderer::new(&gpu, settings()).unwrap();
+    let mut loaded = LoadedScene::upload(renderer.kit(), &stage()).unwrap();
+    let options = StillOptions { size: SIZE, samples: 1, ..StillOptions::default() };
+    assert!(matches!(renderer.still(&loaded, &camera(), &options), Err(Error::NoPasses)));
+    renderer.equip(&stage(), &mut loaded).unwrap();
+    renderer.still(&loaded, &camera(), &options).unwrap();
+}

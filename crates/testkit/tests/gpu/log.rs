@@ -128,3 +128,30 @@ fn what_is_asked_for_by_name_comes_back_and_an_unknown_name_tells_all() {
         assert!((stored - expected).abs() <= 1e-4 * expected.abs(), "{stored} is not {expected}");
     }
 }
+
+#[test]
+fn whatever_is_listed_comes_back_from_stills_of_many_frames() {
+    let gpu = device();
+    let mut scene = scene::load("builtin:cornell").unwrap();
+    scene.add_default_view();
+    let view = View::from_scene(&scene, 0).unwrap();
+    let moments = [("shadow.representation", "evsm4"), ("shadow.filter", "gaussian-mip")];
+    for changes in [&[("shadow.fit", "depth")][..], &moments, &[("shadow.raster", "compute")]] {
+        let mut settings = Settings::default();
+        for (key, value) in [&[("shadow.resolution", "64")], changes].concat() {
+            settings.set(key, value).unwrap();
+        }
+        let mut studio = Studio::new(&gpu, settings);
+        let loaded = studio.load(&scene);
+        let mut recorder = Recorder::new(&gpu, false);
+        let listed = studio.renderer.leaves(&mut recorder, &loaded, &view, SIZE).unwrap();
+        let left: Vec<_> = listed.iter().map(|resource| resource.name.to_string()).collect();
+        let options = StillOptions { size: SIZE, samples: 3, left: left.clone(), aovs: Vec::new() };
+        // In the second still as well, before which all maps rest.
+        for _ in 0..2 {
+            let still = studio.renderer.still(&loaded, &view, &options).unwrap();
+            let names: Vec<_> = still.left.into_iter().map(|left| left.name).collect();
+            assert_eq!(names, left, "{changes:?}");
+        }
+    }
+}

@@ -222,3 +222,47 @@ fn a_scene_without_trees_is_refused_by_name_until_it_is_given_some() {
     renderer.equip(&stage.scene, &mut loaded).unwrap();
     renderer.still(&loaded, &view, &options).unwrap();
 }
+
+#[test]
+fn what_a_pose_puts_nowhere_casts_no_shadow_until_it_is_back() {
+    let mut stage = Stage::floor(1.0);
+    let material = stage.lambert(1.0);
+    stage.quad(Vec3::new(0.0, 0.5, 0.0), 0.3 * Vec3::X, 0.3 * Vec3::NEG_Z, material);
+    stage.sun(3.0, Vec3::new(0.5, -1.0, 0.2).normalize());
+    let block = stage.scene.nodes.iter().rposition(|node| node.mesh.is_some()).unwrap();
+    let mut studio = Studio::new(&device(), traced(&[]));
+    let mut scene = studio.load(&stage.scene);
+    let mut look = |scene: &chiaro::LoadedScene| studio.radiance(scene, &camera_above(HALF), [SIDE; 2], 1);
+    let before = look(&scene);
+    for nowhere in [Vec3::NAN, Vec3::INFINITY, Vec3::splat(1e30), Vec3::splat(1e18)] {
+        let mut pose = stage.scene.pose(0.0);
+        pose.world_from_node[block] = Affine3A::from_translation(nowhere);
+        scene.set_pose(&stage.scene, &pose);
+        let dark = look(&scene).pixels().iter().filter(|pixel| pixel[0] < 0.1).count();
+        assert_eq!(dark, 0, "{nowhere}");
+        scene.set_pose(&stage.scene, &stage.scene.pose(0.0));
+        assert!(nmae(&look(&scene), &before) < 1e-6, "{nowhere}");
+    }
+}
+
+#[test]
+fn an_even_alpha_at_its_cut_off_stops_every_ray() {
+    let mut stage = Stage::floor(1.0);
+    for (x, alpha) in [(-0.7, AlphaMode::Mask { cutoff: 0.3 }), (0.7, AlphaMode::Blend)] {
+        let even = if alpha == AlphaMode::Blend { 0.5 } else { 0.3 };
+        let base_color = Vec3::ONE.extend(even);
+        let material =
+            stage.material(Material { base_color, alpha, double_sided: true, ..Material::default() });
+        stage.quad(Vec3::new(x, 2.5, 0.0), Vec3::X * 0.4, Vec3::NEG_Z * 0.4, material);
+    }
+    // Shadows lie beside the panes that the camera sees.
+    stage.sun(3.0, Vec3::new(0.0, -1.0, 0.32).normalize());
+    let mut studio = Studio::new(&device(), traced(&[]));
+    let scene = studio.load(&stage.scene);
+    let image = studio.radiance(&scene, &camera_above(HALF), [SIDE; 2], 1);
+    for (i, pixel) in image.pixels().iter().enumerate() {
+        let at = place_below([i as u32 % SIDE, i as u32 / SIDE], SIDE, HALF);
+        let inside = (at.x.abs() - 0.7).abs() < 0.35 && (at.z - 0.8).abs() < 0.35;
+        assert!(!inside || pixel[0] == 0.0, "light at {at}");
+    }
+}
