@@ -197,7 +197,8 @@ impl Pass for ShadowMaps {
     fn compile(kit: &Kit, key: &ShadowKey) -> Result<Self, GpuError> {
         let Kit { gpu, library, frame_layout, scene_layout } = kit;
         let ShadowKey { facts, cull_front, computes, .. } = *key;
-        let materials = facts.constants();
+        let mut materials = facts.constants().to_vec();
+        materials.push(("TINT", f64::from(u8::from(key.tint))));
         let shared = &[frame_layout, scene_layout];
         let pipeline = |masked: bool| {
             let options = RenderPipelineOptions {

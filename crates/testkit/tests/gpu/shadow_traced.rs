@@ -138,7 +138,7 @@ fn glass_tints_the_light_of_rays_as_it_does_that_of_maps() {
     let mut stage = Stage::floor(1.0);
     for (x, alpha) in [(-0.7, AlphaMode::Opaque), (0.7, AlphaMode::Blend)] {
         let material = stage.material(Material {
-            base_color: Vec3::new(0.9, 0.5, 0.2).extend(if alpha == AlphaMode::Blend { 0.6 } else { 1.0 }),
+            base_color: Vec3::new(0.9, 0.5, 0.2).extend(if alpha == AlphaMode::Blend { 0.4 } else { 1.0 }),
             transmission: if alpha == AlphaMode::Blend { 0.0 } else { 0.8 },
             specular: 0.0,
             alpha,
