@@ -64,7 +64,7 @@ pub enum Error {
     /// A matrix that is none of a camera.
     #[error("a view cannot be made of these matrices: {matrix} {problem}")]
     Matrix {
-        /// `view_from_world` or `clip_from_view`.
+        /// `view_from_world`, `clip_from_view`, or what follows from both.
         matrix: &'static str,
         /// What is wrong with it.
         problem: &'static str,

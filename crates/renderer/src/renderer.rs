@@ -204,7 +204,7 @@ impl Renderer {
     /// and `footprint_scale` (1/√frames averaged) sharpens textures accordingly.
     ///
     /// # Errors
-    /// When the picture has no pixels, or more to a side than the adapter can do; when the scene lacks trees that settings
+    /// When the picture has no pixels, or more to a side than the adapter can do; when the view is not finite; when the scene lacks trees that settings
     /// shoot rays through, or needs passes that are not compiled: [`Renderer::equip`] sees to both.
     pub fn prepare<'a>(
         &'a self,
@@ -224,6 +224,10 @@ impl Renderer {
         }
         let settings = &self.resolved;
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
+        if !(clip_from_ws.is_finite() && view.relative_from_clip(size_px, jitter_px).is_finite()) {
+            let problem = "is not finite: see the view's place, angle and near plane";
+            return Err(Error::Matrix { matrix: "clip_from_world", problem });
+        }
         let steady = view.clip_from_ws(size_px, Vec2::ZERO);
         let bounds = scene.gpu.bounds_ws;
         let camera = CameraView {

@@ -197,15 +197,16 @@ impl Pass for ShadowMaps {
     fn compile(kit: &Kit, key: &ShadowKey) -> Result<Self, GpuError> {
         let Kit { gpu, library, frame_layout, scene_layout } = kit;
         let ShadowKey { facts, cull_front, computes, .. } = *key;
-        let mut materials = facts.constants().to_vec();
-        materials.push(("TINT", f64::from(u8::from(key.tint))));
+        let materials = facts.constants();
+        let tint = ("TINT", f64::from(u8::from(key.tint)));
+        let casting = [&materials[..], &[tint]].concat();
         let shared = &[frame_layout, scene_layout];
         let pipeline = |masked: bool| {
             let options = RenderPipelineOptions {
                 depth: Some((TextureFormat::Depth32Float, DEPTH_COMPARE)),
                 cull: cull_front.then_some(wgpu::Face::Front),
                 unclipped_depth: gpu.optional.depth_clip_control,
-                constants: if masked { &materials } else { &[] },
+                constants: if masked { &casting } else { &[] },
                 ..Default::default()
             };
             RenderPipeline::new(gpu, library, &shaders::shadow_depth(masked), shared, &options)

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
 use chiaro::alone::Shadows;
-use chiaro::scene::{Light, LightKind, Scene, SceneError};
+use chiaro::scene::{Light, LightKind, Projection, Scene, SceneError};
 use chiaro::techniques::shadow::{Filter, Representation, ShadowSettings};
 use chiaro::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro::{
@@ -426,6 +426,16 @@ fn what_cannot_be_rendered_is_refused_before_the_device_hears_of_it() {
         let options = StillOptions { size, samples: 1, ..StillOptions::default() };
         assert!(matches!(renderer.still(&loaded, &camera(), &options), Err(Error::Size { .. })), "{size:?}");
         gpu.check().unwrap();
+    }
+    let off = [
+        View { near_m: f32::NAN, ..camera() },
+        View { projection: Projection::Perspective { yfov_rad: 0.0 }, ..camera() },
+        View { world_from_camera: Mat4::from_translation(Vec3::splat(f32::INFINITY)), ..camera() },
+    ];
+    for view in off {
+        let options = StillOptions { size: SIZE, samples: 1, ..StillOptions::default() };
+        let refused = renderer.still(&loaded, &view, &options);
+        assert!(matches!(refused, Err(Error::Matrix { .. })), "{view:?}");
     }
     // Uploaded, but nothing is compiled for it.
     let renderer = &mut Renderer::new(&gpu, settings()).unwrap();
