@@ -21,7 +21,7 @@
 //!
 //! Cost: on an H100 2.2 ms for a primary ray and a bounce of each pixel of 1920×1080 in sponza, 19 ms for whole paths.
 
-mod emitters;
+pub(crate) mod emitters;
 mod lamps;
 pub(crate) mod noise;
 mod sum;

@@ -31,7 +31,7 @@ use glam::Vec3;
 
 use crate::rays::{TraceFacts, TraceScene};
 use crate::reference::interfaces::Interfaces;
-use crate::reference::path::Emitters;
+use crate::reference::path::emitters::Emitters;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;
 
