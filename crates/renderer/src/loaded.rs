@@ -96,8 +96,8 @@ impl LoadedScene {
     }
 
     /// Whether trees built for the present pose would be better than those that the scene has: bending has worn them, or a
-    /// node was moved that no animation moves. Rays are right all the same, but slower. To be asked once a frame; [`Trees::build`] on
-    /// another thread, with what [`LoadedScene::moved`] gives.
+    /// node was moved that no animation moves. Rays are right all the same, but slower. To be asked once a frame;
+    /// [`Trees::build`] on another thread, with what [`LoadedScene::moved`] gives, makes them.
     pub fn trees_are_due(&mut self) -> bool {
         self.trees.as_mut().is_some_and(Trees::due)
     }

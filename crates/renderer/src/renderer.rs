@@ -204,8 +204,9 @@ impl Renderer {
     /// and `footprint_scale` (1/√frames averaged) sharpens textures accordingly.
     ///
     /// # Errors
-    /// When the picture has no pixels, or more to a side than the adapter can do; when the view is not finite; when the scene lacks trees that settings
-    /// shoot rays through, or needs passes that are not compiled: [`Renderer::equip`] sees to both.
+    /// When the picture has no pixels, or more to a side than the adapter can do; when the view is not finite; when the
+    /// scene lacks trees that settings shoot rays through, or needs passes that are not compiled: [`Renderer::equip`] sees
+    /// to both.
     pub fn prepare<'a>(
         &'a self,
         state: &'a mut ViewState,

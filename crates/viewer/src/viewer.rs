@@ -154,7 +154,7 @@ pub struct Viewer {
     pub(crate) building: bool,
     // Trees for rays through the scene: whether some are being built, and some that still need passes.
     growing: bool,
-    grown: Option<Box<Trees>>,
+    grown: Option<(Box<Trees>, Arc<Scene>)>,
     // What the panel shows; in force once everything it needs is compiled.
     pub(crate) wanted: Settings,
     start: StartCamera,
@@ -494,10 +494,8 @@ impl Viewer {
                 }
                 Report::Grown(trees, scene) => {
                     self.growing = false;
-                    // Another scene may have come meanwhile.
-                    let is_due = self.coming().is_some_and(|stage| Arc::ptr_eq(&stage.scene, &scene));
                     match trees {
-                        Ok(trees) => self.grown = is_due.then_some(trees),
+                        Ok(trees) => self.grown = Some((trees, scene)),
                         Err(error) => {
                             self.panel.settings_error = Some(error);
                             self.wanted.shadow.layout = ShadowSettings::default().layout;
@@ -542,6 +540,10 @@ impl Viewer {
     /// Has trees built for rays, where settings ask for some and the scene has none, or others are due; whether it lacks
     /// any.
     fn grow(&mut self) -> bool {
+        // Another scene may have come since they were begun.
+        let grown = self.grown.take();
+        let is_due = |of: &Arc<Scene>, stage: &Stage| Arc::ptr_eq(&stage.scene, of);
+        self.grown = grown.filter(|(_, of)| self.coming().is_some_and(|stage| is_due(of, stage)));
         let (busy, wanted) = (self.growing || self.grown.is_some(), self.wanted.clone());
         let Some(stage) = self.coming() else { return false };
         let lacks = stage.loaded.lacks_trees(&wanted);
@@ -563,7 +565,7 @@ impl Viewer {
             return self.apply_what_is_free();
         }
         let facts = self.coming().map(|stage| stage.loaded.gpu.facts).unwrap_or_default();
-        let facts = self.grown.as_ref().map_or(facts, |trees| trees.facts(facts));
+        let facts = self.grown.as_ref().map_or(facts, |(trees, _)| trees.facts(facts));
         let Some(engine) = &mut self.engine else { return };
         let is_settled = self.incoming.is_none() && self.grown.is_none();
         if is_settled && *engine.renderer.settings() == self.wanted {
@@ -583,13 +585,11 @@ impl Viewer {
                 Ok(nothing) => engine.install(nothing),
                 Err(_) => return,
             };
-            if let Some(trees) = self.grown.take()
+            if let Some((trees, scene)) = self.grown.take()
                 && let Some(stage) = self.coming()
+                && let Err(error) = stage.loaded.give_trees(&scene, *trees)
             {
-                let scene = stage.scene.clone();
-                if let Err(error) = stage.loaded.give_trees(&scene, *trees) {
-                    self.notices.fail(error.to_string());
-                }
+                self.notices.fail(error.to_string());
             }
             if let Some(stage) = self.incoming.take() {
                 self.show(*stage);
