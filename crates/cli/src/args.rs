@@ -194,9 +194,10 @@ pub struct RenderArgs {
     /// The image to write: .png as seen on a screen, .exr as scene radiance in nits
     #[arg(short, long, value_name = "FILE", default_value = "out.png", value_parser = image_output)]
     pub output: PathBuf,
-    /// Frames to average, each with its own sub-pixel offset: edges become smooth, nothing else changes
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = positive)]
-    pub samples: u32,
+    /// Frames to average, each with its own sub-pixel offset: edges become smooth, nothing else changes [default: 16; with
+    /// --frames 1, smoothed over time as post.antialias says, where it says taa]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub samples: Option<u32>,
     /// Render the frames A, A+1, … B-1 of the animation to numbered images
     #[arg(long, value_name = "A..B", conflicts_with = "time")]
     pub frames: Option<FrameRange>,

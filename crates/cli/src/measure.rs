@@ -37,8 +37,7 @@ pub fn measure(session: &mut Session, frames: u32, tick: impl Fn()) -> anyhow::R
             session.go_to(f64::from(index) / 60.0)?;
         }
         let Session { renderer, scene, view, size, .. } = &mut *session;
-        let sampling = (chiaro::Jitter::new(1).offset_px(index), 1.0);
-        let prepared = renderer.prepare(&mut state, scene, view, *size, sampling)?;
+        let prepared = renderer.prepare(&mut state, scene, view, *size, chiaro::Sampling::Moving)?;
         let mut frame = recorder.begin();
         prepared.record(&mut frame, false);
         frame.submit();

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use chiaro::techniques::post::Smoothing;
 use chiaro::{Aov, Pixels, Recorder, Still, StillOptions};
 use chiaro_image::{Image, Picture, Precision, write_exr, write_png};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -11,7 +12,7 @@ use serde::Serialize;
 use crate::args::RenderArgs;
 use crate::left;
 use crate::output::print;
-use crate::session::{Session, warn_of_idle};
+use crate::session::{Session, settings, warn_of_idle};
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
 
 #[derive(Serialize)]
@@ -29,15 +30,22 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
     }
     let (aovs, left) = left::names(&args.aovs)?;
     warn_of_idle(&args.settings)?;
-    let mut session = Session::open(&args.scene, &args.settings)?;
-    let options = StillOptions { size: session.size, samples: args.samples, aovs, left };
+    let mut settings = settings(&args.settings)?;
+    let moving = args.frames.is_some();
+    let samples = args.samples.unwrap_or(if moving && settings.smooths() { 1 } else { 16 });
+    if !moving || samples > 1 {
+        // Samples are averaged, not frames.
+        settings.post.antialias = Smoothing::None;
+    }
+    let mut session = Session::open_as(&args.scene, settings)?;
+    let options = StillOptions { size: session.size, samples, aovs, moving, left };
     let mut recorder = Recorder::new(&session.gpu, true);
     let frames: Vec<_> =
         args.frames.as_ref().map_or(vec![None], |range| (range.start..range.end).map(Some).collect());
     if session.duration_s().is_none() && (args.frames.is_some() || args.time != 0.0) {
         eprintln!("note: nothing in this scene moves; every moment looks the same");
     }
-    let bar = progress(frames.len() as u64 * u64::from(args.samples));
+    let bar = progress(frames.len() as u64 * u64::from(samples));
     for number in &frames {
         session.go_to(number.map_or(args.time, |number| f64::from(number) / args.fps))?;
         session.renderer.equip(&session.source, &mut session.scene)?;
@@ -56,10 +64,10 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
     }
     recorder.wait()?;
     session.tell_notes();
-    report(args, &session, &mut recorder)
+    report((args, samples), &session, &mut recorder)
 }
 
-fn report(args: &RenderArgs, session: &Session, recorder: &mut Recorder) -> anyhow::Result<()> {
+fn report((args, samples): (&RenderArgs, u32), session: &Session, recorder: &mut Recorder) -> anyhow::Result<()> {
     let machine = Machine::of(&session.gpu);
     let timings = summarise(&recorder.take_timings());
     match &timings {
@@ -71,7 +79,7 @@ fn report(args: &RenderArgs, session: &Session, recorder: &mut Recorder) -> anyh
             machine: &machine,
             scene: &session.scene_name,
             size: session.size,
-            samples: args.samples,
+            samples,
             timings: &timings,
         };
         create_parent(path)?;

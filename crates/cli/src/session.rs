@@ -46,7 +46,12 @@ impl Tracing {
 impl Session {
     /// Opens the device, reads the scene, compiles the passes. Remarks for the user go to standard error.
     pub fn open(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
-        Self::open_with(scene_args, settings_args, Scene::add_default_view, |gpu, settings, scene| {
+        Self::open_as(scene_args, settings(settings_args)?)
+    }
+
+    /// The same with settings that were read already.
+    pub fn open_as(scene_args: &SceneArgs, settings: Settings) -> anyhow::Result<Self> {
+        Self::open_with(scene_args, settings, Scene::add_default_view, |gpu, settings, scene| {
             Ok(Renderer::with_scene(gpu, settings, scene)?)
         })
     }
@@ -64,7 +69,7 @@ impl Session<Tracing> {
     pub fn open_to_trace(scene_args: &SceneArgs, settings_args: &SettingsArgs) -> anyhow::Result<Self> {
         Self::open_with(
             scene_args,
-            settings_args,
+            settings(settings_args)?,
             Scene::add_default_view_to_trace,
             |gpu, settings, scene| {
                 let kit = Kit::new(gpu, chiaro::techniques::shaders::library());
@@ -78,11 +83,10 @@ impl Session<Tracing> {
 impl<R> Session<R> {
     fn open_with(
         scene_args: &SceneArgs,
-        settings_args: &SettingsArgs,
+        settings: Settings,
         complete: fn(&mut Scene),
         load: fn(&Gpu, Settings, &Scene) -> anyhow::Result<(R, LoadedScene)>,
     ) -> anyhow::Result<Self> {
-        let settings = settings(settings_args)?;
         let source = source(scene_args);
         let options = LoadOptions {
             scene: scene_args.scene_in_file.clone(),

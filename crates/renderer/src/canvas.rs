@@ -2,9 +2,8 @@
 
 use chiaro_gpu::{Recorder, Texture, TexturePool, wgpu};
 use chiaro_techniques::post::{Accumulator, Display, Present, Presented, Sum, Summed};
-use glam::Vec2;
 
-use crate::{Error, Kit, LoadedScene, Renderer, View, ViewState};
+use crate::{Error, Kit, LoadedScene, Renderer, Sampling, View, ViewState};
 
 /// Draws frames onto textures of a host program, in the host's own command encoders: a window of the host's, a view in its
 /// editor. What a view keeps from frame to frame is in here, so each view has a canvas of its own, and one [`Renderer`]
@@ -70,7 +69,7 @@ impl Canvas {
         check(texture, self.format)?;
         let gpu = renderer.gpu();
         let size_px = [texture.width(), texture.height()];
-        let prepared = renderer.prepare(&mut self.state, scene, view, size_px, (Vec2::ZERO, 1.0))?;
+        let prepared = renderer.prepare(&mut self.state, scene, view, size_px, Sampling::Moving)?;
         let (sum, picture) = match self.room.take() {
             Some(room) if size_of_texture(&room.1) == size_px => self.room.insert(room),
             _ => {

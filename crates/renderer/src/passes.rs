@@ -2,6 +2,7 @@
 
 use chiaro_gpu::{GpuError, parallel};
 use chiaro_techniques::direct::{DirectLight, Permutations};
+use chiaro_techniques::post::Antialias;
 use chiaro_techniques::rays::Refit;
 use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::scene::motion::Motion;
@@ -9,7 +10,7 @@ use chiaro_techniques::shadow::{Lookup, ShadowKey, ShadowMaps};
 use chiaro_techniques::shared::albedo_table::AlbedoTable;
 use chiaro_techniques::transparency::Transparency;
 use chiaro_techniques::view::culling::Culling;
-use chiaro_techniques::view::{SurfaceKey, Surfaces};
+use chiaro_techniques::view::{MotionVectors, SurfaceKey, Surfaces};
 use chiaro_techniques::{Compiled, Kit, Pass};
 
 use crate::{Pipeline, Settings};
@@ -86,6 +87,8 @@ passes! {
     culling: Culling = |_, _| ();
     albedo_table: AlbedoTable = |_, _| ();
     motion: Motion = |_, _| ();
+    motion_vectors: MotionVectors = |_, facts: SceneFacts| facts.see_through();
+    antialias: Option<Antialias> = |settings: &Settings, _| settings.smooths().then_some(());
     refit: Option<Refit> = |settings: &Settings, _| settings.shoots_rays().then_some(());
 }
 

@@ -3,14 +3,15 @@
 use chiaro_gpu::{Buffer, Frame, Texture, wgpu};
 use chiaro_techniques::direct::LightRoom;
 use chiaro_techniques::frame::{FrameData, FrameGroup};
+use chiaro_techniques::post::AntialiasRoom;
 use chiaro_techniques::shadow::{
     ShadowInputs, ShadowOutputs, ShadowPlan, ShadowRoom, ShadowSettings, ShadowViews,
 };
 use chiaro_techniques::transparency::LayerRoom;
-use chiaro_techniques::view::ViewTable;
 use chiaro_techniques::view::culling::{DrawLists, ListRoom};
-use chiaro_techniques::view::{SurfaceBuffer, SurfaceRoom};
+use chiaro_techniques::view::{MotionOutputs, MotionRoom, SurfaceBuffer, SurfaceRoom, ViewTable};
 
+use crate::moving::Moves;
 use crate::passes::Passes;
 use crate::view_state::Rooms;
 use crate::{LoadedScene, Pipeline, Settings};
@@ -27,6 +28,9 @@ pub struct FrameOutputs {
     pub shadows: ShadowOutputs,
     /// Lights per froxel.
     pub light_grid: Buffer,
+    /// How far things have moved since the frame before, in frames of moving pictures ([`crate::Sampling::Moving`]) that are
+    /// averaged, or that something asks for the surface buffer of.
+    pub motion: Option<MotionOutputs>,
     /// Depth, normals, materials of opaque surfaces; the forward pipeline makes it only where something asks for it.
     pub surface: Option<SurfaceBuffer>,
 }
@@ -40,6 +44,7 @@ pub(crate) struct FrameInputs<'a> {
     /// Stored units; `None` = the environment.
     pub sky: Option<wgpu::Color>,
     pub wants_surface: bool,
+    pub moves: Option<&'a Moves>,
     /// The frame, and the same without light.
     pub data: [FrameData; 2],
 }
@@ -71,15 +76,45 @@ pub(crate) fn record(
     inputs: &FrameInputs<'_>,
     rooms: &mut Rooms,
 ) -> FrameOutputs {
-    let Rooms { views, lists, surface, shadow, light, layers } = rooms;
+    let Rooms { views, lists, surface, shadow, light, layers, motion, antialias } = rooms;
     let (Some(lists), Some(surface), Some(shadow), Some(light)) = (lists, surface, shadow, light) else {
         unreachable!("what is prepared has room")
     };
     let rooms = FrameRooms { views, lists, surface, light, layers: layers.as_ref() };
-    match settings.pipeline {
+    let (lists, outputs) = match settings.pipeline {
         Pipeline::Deferred => deferred(&settings.shadow, passes, frame, inputs, (&rooms, shadow)),
         Pipeline::Forward => forward(&settings.shadow, passes, frame, inputs, (&rooms, shadow)),
+    };
+    match (inputs.moves, motion) {
+        (Some(moves), Some(motion)) if moves.antialias.is_some() || inputs.wants_surface => {
+            let kept = (motion, antialias.as_mut());
+            move_on(passes, frame, inputs, (&rooms, &lists), moves, kept, outputs)
+        }
+        _ => outputs,
     }
+}
+
+/// Finds how far everything has moved, and averages the picture with those before.
+fn move_on(
+    passes: &Passes,
+    frame: &mut Frame<'_>,
+    inputs: &FrameInputs<'_>,
+    (rooms, lists): (&FrameRooms<'_>, &DrawLists),
+    moves: &Moves,
+    (motion, antialias): (&mut MotionRoom, Option<&mut AntialiasRoom>),
+    mut outputs: FrameOutputs,
+) -> FrameOutputs {
+    let camera = (rooms.views, lists, CAMERA);
+    let shown = (rooms.surface, rooms.layers.and_then(LayerRoom::nearest));
+    let moments = (&moves.now, moves.before.as_ref());
+    let groups = (inputs.group.group(), &inputs.scene.gpu);
+    let vectors = passes.motion_vectors.record(frame, groups, camera, shown, moments, motion);
+    if let (Some(pass), Some(room), Some(by)) = (&*passes.antialias, antialias, &moves.antialias) {
+        let picture = (&outputs.radiance, outputs.unlit.as_ref());
+        (outputs.radiance, outputs.unlit) = pass.record(frame, picture, &vectors, by, room);
+    }
+    outputs.motion = Some(vectors);
+    outputs
 }
 
 /// All the room that a frame has.
@@ -97,7 +132,7 @@ fn deferred(
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
     (rooms, shadow): (&FrameRooms<'_>, &mut ShadowRoom),
-) -> FrameOutputs {
+) -> (DrawLists, FrameOutputs) {
     let group = inputs.group.group();
     let scene = &inputs.scene.gpu;
     follow(passes, frame, inputs.scene);
@@ -116,7 +151,8 @@ fn deferred(
             transparency.record(frame, (group, scene), camera, light, &surface.depth, picture);
         }
     });
-    FrameOutputs { radiance, unlit, shadows, light_grid, surface: Some(surface) }
+    let surface = Some(surface);
+    (lists, FrameOutputs { radiance, unlit, shadows, light_grid, motion: None, surface })
 }
 
 fn forward(
@@ -125,14 +161,15 @@ fn forward(
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
     (rooms, shadow): (&FrameRooms<'_>, &mut ShadowRoom),
-) -> FrameOutputs {
+) -> (DrawLists, FrameOutputs) {
     let group = inputs.group.group();
     let scene = &inputs.scene.gpu;
     follow(passes, frame, inputs.scene);
     let lists = cull(passes, frame, inputs, rooms);
     let camera = (rooms.views, &lists, CAMERA);
     let needs_depth =
-        inputs.wants_surface || rooms.layers.is_some() || !inputs.shadow_views.fitted.is_empty();
+        inputs.wants_surface || inputs.moves.is_some_and(|moves| moves.antialias.is_some())
+            || rooms.layers.is_some() || !inputs.shadow_views.fitted.is_empty();
     let depth =
         needs_depth.then(|| passes.surfaces.record_visibility(frame, (group, scene), camera, rooms.surface));
     let shadow_inputs = shadow_inputs(passes, inputs, rooms, (&lists, depth.as_ref()), settings);
@@ -151,7 +188,7 @@ fn forward(
             transparency.record(frame, (group, scene), camera, light, depth, (radiance, layers));
         }
     });
-    FrameOutputs { radiance, unlit, shadows, light_grid, surface }
+    (lists, FrameOutputs { radiance, unlit, shadows, light_grid, motion: None, surface })
 }
 
 /// Lets geometry, and the trees over it, follow the scene's pose.

@@ -15,6 +15,7 @@ use chiaro_techniques::view::raster::ComputeRaster;
 use chiaro_techniques::{Kit, caustics, shaders};
 use glam::{Mat4, Vec2, Vec3};
 
+use crate::moving::{Look, Moves, Sampling};
 use crate::passes::{Missing, Passes};
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
 use crate::plan::{Built, Plan};
@@ -54,6 +55,8 @@ pub struct Prepared<'a> {
     lights: Vec<LightData>,
     // Stored units; `None` = the environment.
     sky: Option<wgpu::Color>,
+    // Of a moving picture.
+    moves: Option<Moves>,
 }
 
 impl Renderer {
@@ -200,8 +203,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Computes a frame's data and makes room for it in the view's state. `jitter_px` moves the picture by parts of a pixel,
-    /// and `footprint_scale` (1/√frames averaged) sharpens textures accordingly.
+    /// Computes a frame's data and makes room for it in the view's state. A frame of a moving picture
+    /// ([`Sampling::Moving`]) goes on from the last one of this state, if there was one and nothing has jumped since.
     ///
     /// # Errors
     /// When the picture has no pixels, or more to a side than the adapter can do; when the view is not finite; when the
@@ -213,7 +216,7 @@ impl Renderer {
         scene: &'a LoadedScene,
         view: &View,
         size_px: [u32; 2],
-        (jitter_px, footprint_scale): (Vec2, f32),
+        sampling: impl Into<Sampling>,
     ) -> Result<Prepared<'a>, Error> {
         let (gpu, passes) = (&self.kit.gpu, &self.passes);
         check_size(gpu, size_px)?;
@@ -224,6 +227,14 @@ impl Renderer {
             return Err(Error::NoPasses);
         }
         let settings = &self.resolved;
+        let sampling = sampling.into();
+        let smooths = sampling == Sampling::Moving && settings.smooths();
+        let look = Look { scene, view, size_px, settings };
+        let moves = sampling.moves().then(|| Moves::new(&look, state, smooths));
+        let (jitter_px, footprint_scale) = match sampling {
+            Sampling::Single { jitter_px, footprint_scale } => (jitter_px, footprint_scale),
+            Sampling::Moving | Sampling::Steady => moves.as_ref().map_or((Vec2::ZERO, 1.0), Moves::sampling),
+        };
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
         if !(clip_from_ws.is_finite() && view.relative_from_clip(size_px, jitter_px).is_finite()) {
             let problem = "is not finite: see the view's place, angle and near plane";
@@ -314,14 +325,20 @@ impl Renderer {
             }
             None => rooms.layers = None,
         }
-        Ok(Prepared { renderer: self, state, scene, data, shadow_views, shadow_plan, lights, sky })
+        if moves.is_some() {
+            passes.motion_vectors.room(gpu, &self.pool, size_px, &mut rooms.motion);
+        }
+        if let Some(antialias) = passes.antialias.as_ref().filter(|_| smooths) {
+            antialias.room(gpu, &self.pool, (size_px, scene.gpu.unlit), &mut rooms.antialias);
+        }
+        Ok(Prepared { renderer: self, state, scene, data, shadow_views, shadow_plan, lights, sky, moves })
     }
 }
 
 impl Prepared<'_> {
     /// Records the frame. `wants_surface`: make the surface buffer even where the pipeline does without.
     pub fn record(self, frame: &mut Frame<'_>, wants_surface: bool) -> FrameOutputs {
-        let Self { renderer, state, scene, data, shadow_views, shadow_plan, lights, sky } = self;
+        let Self { renderer, state, scene, data, shadow_views, shadow_plan, lights, sky, moves } = self;
         let views: Vec<_> = shadow_views.views.iter().map(|view| view.data).collect();
         state.frame_group.upload(frame, &data, &lights, &views);
         state.rooms.views.upload(frame);
@@ -332,9 +349,14 @@ impl Prepared<'_> {
             shadow_plan: &shadow_plan,
             sky,
             wants_surface,
+            moves: moves.as_ref(),
             data: [data, data.without_light(data.show_direct)],
         };
-        record(&renderer.resolved, &renderer.passes, frame, &inputs, &mut state.rooms)
+        let outputs = record(&renderer.resolved, &renderer.passes, frame, &inputs, &mut state.rooms);
+        if let Some(moves) = moves {
+            moves.keep(&mut state.history);
+        }
+        outputs
     }
 }
 

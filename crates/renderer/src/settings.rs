@@ -7,7 +7,7 @@ use chiaro_techniques::caustics::CausticsSettings;
 use chiaro_techniques::choice;
 use chiaro_techniques::environment::EnvironmentSettings;
 use chiaro_techniques::indirect::IndirectSettings;
-use chiaro_techniques::post::CameraSettings;
+use chiaro_techniques::post::{CameraSettings, PostSettings, Smoothing};
 use chiaro_techniques::settings::{Clause, Condition, Effect, Field, SettingsGroup, Value};
 use chiaro_techniques::shadow::{Layout, ShadowSettings};
 use chiaro_techniques::view::raster::ComputeRaster;
@@ -98,6 +98,8 @@ groups! {
     indirect: IndirectSettings;
     /// `caustics.*`
     caustics: CausticsSettings;
+    /// `post.*`
+    post: PostSettings;
 }
 
 /// Presets by name: a sentence and the keys they set.
@@ -195,6 +197,11 @@ impl Settings {
             let _ = settings.set(&field.key, &field.default);
         }
         settings
+    }
+
+    /// Whether frames of moving pictures are averaged over time.
+    pub fn smooths(&self) -> bool {
+        self.post.antialias == Smoothing::Taa
     }
 
     /// Whether any technique shoots rays through the scene's trees.

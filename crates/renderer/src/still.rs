@@ -1,12 +1,12 @@
 //! Stills: jittered frames averaged, with single quantities beside the picture.
 
-use chiaro_gpu::{Readback, Recorder, parallel};
+use chiaro_gpu::{Frame, Readback, Recorder, parallel};
 use chiaro_techniques::post::{Accumulator, Aov, AovPass, Display, Sum};
 use glam::Vec2;
 
 use crate::left::Wanted;
 use crate::renderer::check_size;
-use crate::{Error, Kit, LeftOver, LoadedScene, Renderer, View, ViewState};
+use crate::{Error, FrameOutputs, Kit, LeftOver, LoadedScene, Renderer, Sampling, View, ViewState};
 
 /// What to make.
 #[derive(Clone, Debug)]
@@ -17,13 +17,16 @@ pub struct StillOptions {
     pub samples: u32,
     /// Quantities beside the picture.
     pub aovs: Vec<Aov>,
+    /// Whether this is a frame of a moving picture that goes on from the renderer's last still of the same scene: of one sample,
+    /// it is averaged over time as `post.antialias` says.
+    pub moving: bool,
     /// Textures and buffers that frames leave behind, by `technique/name` ([`Renderer::leaves`] tells them).
     pub left: Vec<String>,
 }
 
 impl Default for StillOptions {
     fn default() -> Self {
-        Self { size: [1280, 720], samples: 16, aovs: Vec::new(), left: Vec::new() }
+        Self { size: [1280, 720], samples: 16, aovs: Vec::new(), moving: false, left: Vec::new() }
     }
 }
 
@@ -130,12 +133,30 @@ impl Renderer {
         let mut unlit = scene.gpu.unlit.then(|| Sum::new(&gpu, &self.pool, size));
         let mut aov_sums: Vec<_> = options.aovs.iter().map(|_| Sum::new(&gpu, &self.pool, size)).collect();
         let picture = Display::picture(&gpu, &self.pool, size);
-        // Maps that rest are kept from still to still, unless what they are made with is asked for.
-        let kept = self.still_view.take().filter(|_| options.left.is_empty());
-        let mut state = kept.unwrap_or_else(|| ViewState::new(self));
+        let mut state = self.still_view.take().unwrap_or_else(|| ViewState::new(self));
+        if !options.left.is_empty() {
+            // Maps that rest are kept from still to still, unless what they are made with is asked for.
+            state.rooms.shadow = None;
+        }
+        if !options.moving {
+            state.history.seen.cut();
+        }
         let mut left = Wanted::new(&options.left);
+        let goes_on = options.moving && samples == 1;
+        if options.aovs.contains(&Aov::Motion) && !goes_on {
+            // Of several samples all but the first would rest.
+            let prepared = self.prepare(&mut state, scene, view, size, Sampling::Steady)?;
+            let mut frame = recorder.begin();
+            let outputs = prepared.record(&mut frame, true);
+            record_motion(&mut frame, (&options.aovs, aov_pass.as_ref()), &outputs, samples, &mut aov_sums);
+            frame.submit();
+        }
         for index in 0..samples {
-            let sampling = (jitter.offset_px(index), jitter.footprint_scale());
+            let sampling = if goes_on {
+                Sampling::Moving
+            } else {
+                (jitter.offset_px(index), jitter.footprint_scale()).into()
+            };
             let prepared = self.prepare(&mut state, scene, view, size, sampling)?;
             let mut frame = recorder.begin();
             let wants_surface = aov_pass.is_some() || !options.left.is_empty();
@@ -150,11 +171,15 @@ impl Renderer {
                 accumulator.record(&mut frame, color, 1.0, unlit);
             }
             if let (Some(pass), Some(surface)) = (&aov_pass, &outputs.surface) {
-                for (number, (aov, aov_sum)) in options.aovs.iter().zip(&mut aov_sums).enumerate() {
+                let summed = options.aovs.iter().zip(&mut aov_sums).enumerate();
+                for (number, (aov, aov_sum)) in summed.filter(|(_, (aov, _))| **aov != Aov::Motion) {
                     let inputs = (surface, &outputs.shadows, &outputs.light_grid);
                     let groups = (state.frame_group(), &scene.gpu);
                     pass.record(&mut frame, groups, inputs, (number, *aov), aov_sum);
                 }
+            }
+            if goes_on {
+                record_motion(&mut frame, (&options.aovs, aov_pass.as_ref()), &outputs, 1, &mut aov_sums);
             }
             if index + 1 == samples {
                 display.record(&mut frame, &self.settings().camera, (&sum, unlit.as_ref()), &picture);
@@ -174,6 +199,20 @@ impl Renderer {
             left: left.read(&gpu)?,
             samples,
         })
+    }
+}
+
+/// Takes motion where it is asked for, as often as other quantities are summed.
+fn record_motion(
+    frame: &mut Frame<'_>,
+    (aovs, pass): (&[Aov], Option<&AovPass>),
+    outputs: &FrameOutputs,
+    samples: u32,
+    sums: &mut [Sum],
+) {
+    let (Some(pass), Some(found)) = (pass, &outputs.motion) else { return };
+    for (_, sum) in aovs.iter().zip(sums).filter(|(aov, _)| **aov == Aov::Motion) {
+        pass.record_motion(frame, &found.motion, samples, sum);
     }
 }
 

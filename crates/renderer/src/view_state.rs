@@ -4,12 +4,14 @@ use chiaro_gpu::{Buffer, Gpu, Group, GroupLayout, History, Texture};
 use chiaro_techniques::direct::LightRoom;
 use chiaro_techniques::frame::FrameGroup;
 use chiaro_techniques::indirect::SkyView;
+use chiaro_techniques::post::AntialiasRoom;
 use chiaro_techniques::shadow::ShadowRoom;
 use chiaro_techniques::transparency::LayerRoom;
-use chiaro_techniques::view::SurfaceRoom;
-use chiaro_techniques::view::ViewTable;
+use chiaro_techniques::view::{MotionRoom, SurfaceRoom, ViewTable};
 use chiaro_techniques::view::culling::ListRoom;
 use glam::DVec3;
+
+use crate::moving::{Seen, SeenKey};
 
 /// Textures, buffers and histories of one view: a window, a still, a mirror. A program that renders several views of its
 /// scenes, in one frame or in turn, has one of these for each, and one [`Renderer`](crate::Renderer) for all.
@@ -30,6 +32,8 @@ pub(crate) struct Rooms {
     pub shadow: Option<ShadowRoom>,
     pub light: Option<LightRoom>,
     pub layers: Option<LayerRoom>,
+    pub motion: Option<MotionRoom>,
+    pub antialias: Option<AntialiasRoom>,
 }
 
 /// What frames leave for the next.
@@ -37,6 +41,8 @@ pub(crate) struct Rooms {
 pub(crate) struct Histories {
     /// How much of the sky is seen, by scene and by where the eye is.
     pub sky: History<(u64, DVec3), SkyView>,
+    /// What the last frame of a moving picture showed.
+    pub seen: History<SeenKey, Seen>,
 }
 
 impl ViewState {
@@ -50,6 +56,8 @@ impl ViewState {
                 shadow: None,
                 light: None,
                 layers: None,
+                motion: None,
+                antialias: None,
             },
             history: Histories::default(),
             notes: Vec::new(),
@@ -71,7 +79,8 @@ impl ViewState {
         &self.frame_group.lighting
     }
 
-    /// Forgets what frames leave for the next: after a cut.
+    /// Forgets what frames leave for the next: after a cut. Cameras and things that jump, new scenes, sizes and settings are
+    /// noticed without it.
     pub fn cut(&mut self) {
         self.history = Histories::default();
     }

@@ -7,7 +7,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
-use crate::post::DebugInput;
+use crate::post::{AntialiasData, DebugInput};
 use crate::rays::refit::{NodeBox, RefitJob};
 use crate::reference::first_hit::FirstHitPass;
 use crate::reference::path::PathPass;
@@ -20,7 +20,7 @@ use crate::scene::{InstanceData, ItemData};
 use crate::shaders;
 use crate::shadow::SunFit;
 use crate::shadow::moments::Blur;
-use crate::view::ViewData;
+use crate::view::{MomentsData, ViewData};
 use crate::view::culling::CullClasses;
 use crate::view::raster::RasterData;
 
@@ -260,6 +260,31 @@ fn rust_structs_equal_their_wesl_twins() {
         reserved0,
         reserved1,
         reserved2,
+    );
+    same!(
+        &linked("post/antialias.cs.wesl"),
+        AntialiasData,
+        "Antialias",
+        size_px,
+        rests,
+        most_frames,
+        history_scale,
+        reach,
+        reserved0,
+        reserved1,
+    );
+    same!(
+        &linked("view/motion_vectors.cs.wesl"),
+        MomentsData,
+        "Moments",
+        clip_from_ws_now,
+        clip_from_ws_before,
+        depth_now,
+        depth_before,
+        pixel_m,
+        continues,
+        reserved0,
+        reserved1,
     );
     same!(&linked("environment/prefilter.cs.wesl"), Lobe, "Lobe", roughness, samples, reserved0, reserved1);
     same!(

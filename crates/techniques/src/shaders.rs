@@ -48,6 +48,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("light/grid.cs.wesl"),
     shader!("light/incoming.wesl"),
     shader!("post/accumulate.cs.wesl"),
+    shader!("post/antialias.cs.wesl"),
     shader!("post/aov.cs.wesl"),
     shader!("post/bins.wesl"),
     shader!("post/debug_view.cs.wesl"),
@@ -113,10 +114,12 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shared/oct.wesl"),
     shader!("transparency/behind.cs.wesl"),
     shader!("transparency/shade.cs.wesl"),
+    shader!("view/barycentrics.wesl"),
     shader!("view/cull.wesl"),
     shader!("view/cull_count.cs.wesl"),
     shader!("view/cull_expand.cs.wesl"),
     shader!("view/cull_scan.cs.wesl"),
+    shader!("view/motion_vectors.cs.wesl"),
     shader!("view/raster/cutout.wesl"),
     shader!("view/raster/draw.wesl"),
     shader!("view/raster/outline.wesl"),
@@ -146,6 +149,7 @@ pub fn permutations() -> Vec<Permutation> {
         "environment/project.cs.wesl",
         "scene/motion/deform.cs.wesl",
         "scene/motion/instances.cs.wesl",
+        "post/antialias.cs.wesl",
         "post/exposure.cs.wesl",
         "post/histogram.cs.wesl",
         "post/present.vs.wesl",
@@ -169,6 +173,7 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(resolve(a, false));
         all.push(resolve(a, true));
         all.push(behind(a));
+        all.push(motion_vectors(a));
         all.push(accumulate(a));
         all.push(path_trace(a));
         all.push(shadow_depth(a));
@@ -224,6 +229,11 @@ pub fn plain(entry: &'static str) -> Permutation {
 /// Surface buffer from visibility; with `emissive`, radiance of glowing surfaces too, with `through`, what passes.
 pub fn resolve(emissive: bool, through: bool) -> Permutation {
     Permutation::plain("view/resolve.cs.wesl").flag("emissive", emissive).flag("through", through)
+}
+
+/// How far surfaces have moved; with `layered`, see-through ones too.
+pub fn motion_vectors(layered: bool) -> Permutation {
+    Permutation::plain("view/motion_vectors.cs.wesl").flag("layered", layered)
 }
 
 /// The picture so far and its mips; `whole` copies it too.

@@ -141,8 +141,14 @@ pub fn draw(
     let found = match shown.source {
         Source::Quantity(aov) => outputs.surface.as_ref().map(|surface| {
             sum.restart();
-            let inputs = (surface, &outputs.shadows, &outputs.light_grid);
-            passes.aov.record(frame, (group, &stage.loaded.gpu), inputs, (0, aov), sum);
+            match &outputs.motion {
+                Some(found) if aov == Aov::Motion => passes.aov.record_motion(frame, &found.motion, 1, sum),
+                // Of a picture that rests the shader leaves grey.
+                _ => {
+                    let inputs = (surface, &outputs.shadows, &outputs.light_grid);
+                    passes.aov.record(frame, (group, &stage.loaded.gpu), inputs, (0, aov), sum);
+                }
+            }
             (Handle::Texture(sum.texture().clone()), aov.hint(), aov.hint().about.to_owned())
         }),
         Source::Resource(name) => frame.resources().find(|resource| resource.name == name).map(|resource| {

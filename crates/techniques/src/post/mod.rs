@@ -1,4 +1,4 @@
-//! From radiance to pictures: accumulation of jittered frames, exposure, tone mapping, and single quantities (AOVs).
+//! From radiance to pictures: accumulation of jittered frames, temporal anti-aliasing, exposure, tone mapping, and single quantities (AOVs).
 //!
 //! | output | format | unit |
 //! | --- | --- | --- |
@@ -9,15 +9,19 @@
 //!
 //! Exposure is deterministic: a histogram of integer counts, no history.
 
+mod antialias;
 mod debug_view;
 mod present;
 mod settings;
 
 #[cfg(test)]
+pub(crate) use antialias::AntialiasData;
+pub use antialias::{Antialias, AntialiasInputs, AntialiasRoom};
+#[cfg(test)]
 pub(crate) use debug_view::DebugInput;
 pub use debug_view::DebugView;
 pub use present::{Present, Presented};
-pub use settings::{CameraSettings, Curve, Exposure, Show};
+pub use settings::{CameraSettings, Curve, Exposure, PostSettings, Show, Smoothing};
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::shader::Library;
@@ -30,7 +34,7 @@ use chiaro_gpu::{
 use crate::direct::{Permutations, lighting_binds, surface_binds};
 use crate::scene::SceneGpu;
 use crate::shadow::ShadowOutputs;
-use crate::view::SurfaceBuffer;
+use crate::view::{MOTION, SurfaceBuffer};
 use crate::{Kit, shaders};
 
 #[repr(C)]
@@ -71,11 +75,14 @@ pub enum Aov {
     ShadowBias,
     /// How many spots and points may reach the pixel: those of its froxel.
     Lights,
+    /// How far what the pixel shows has moved since the frame before: pixels right, pixels down, metres away from the camera's
+    /// plane. Of see-through surfaces the nearest; taken once, in the pixel's middle.
+    Motion,
 }
 
 impl Aov {
     /// All, with the names `--aov` takes.
-    pub const ALL: [(Self, &'static str); 13] = [
+    pub const ALL: [(Self, &'static str); 14] = [
         (Self::Direct, "direct"),
         (Self::Albedo, "albedo"),
         (Self::Normal, "normal"),
@@ -89,6 +96,7 @@ impl Aov {
         (Self::ShadowPenumbra, "shadow_penumbra"),
         (Self::ShadowBias, "shadow_bias"),
         (Self::Lights, "lights"),
+        (Self::Motion, "motion"),
     ];
 
     /// By name.
@@ -136,6 +144,7 @@ impl Aov {
                 Heat,
                 By(1.0 / 16.0),
             ),
+            Self::Motion => return MOTION,
         };
         ViewHint::scaled(about, mapping, scale)
     }
@@ -359,6 +368,8 @@ impl Display {
 pub struct AovPass {
     pipeline: ComputePipeline,
     inputs: Vec<Buffer>,
+    // Of what a texture holds as it is.
+    copy: Accumulator,
 }
 
 impl AovPass {
@@ -371,7 +382,13 @@ impl AovPass {
         let entry = shaders::aov(permutations.shadow.source);
         let constants = permutations.constants(gpu);
         let pipeline = ComputePipeline::new(gpu, library, &entry, &[frame_layout, scene_layout], &constants)?;
-        Ok(Self { pipeline, inputs: (0..count).map(|_| uniform::<[u32; 4]>(gpu, "aov_input")).collect() })
+        let inputs = (0..count).map(|_| uniform::<[u32; 4]>(gpu, "aov_input")).collect();
+        Ok(Self { pipeline, inputs, copy: Accumulator::raw(gpu, library)? })
+    }
+
+    /// Takes this frame's motion as it is, as often as other quantities are summed.
+    pub fn record_motion(&self, frame: &mut Frame<'_>, motion: &Texture, samples: u32, sum: &mut Sum) {
+        self.copy.record(frame, motion, samples as f32, sum);
     }
 
     /// Adds this frame's value of quantity number `index` of those the pass was made for.

@@ -38,6 +38,16 @@ impl Show {
     }
 }
 
+choice! {
+    /// What smooths the edges of pictures that move.
+    pub enum Smoothing {
+        /// Nothing.
+        None = "none",
+        /// The mean of frames, each taken elsewhere within its pixels, that follows what moves.
+        Taa = "taa",
+    }
+}
+
 /// Exposure of pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exposure {
@@ -77,5 +87,15 @@ settings! {
         tone_map: Curve = Curve::Aces, "", (), Uniform;
         /// Which light the picture shows: both, direct or indirect alone.
         show: Show = Show::Both, "", (), Uniform;
+    }
+}
+
+settings! {
+    /// What becomes of radiance before the screen.
+    pub struct PostSettings: "post" {
+        /// What smooths pictures that move, in the viewer and in sequences of one sample a frame: none, or taa, the mean of
+        /// frames that follows what moves. Pictures at rest are averaged either way. Costs 24 bytes a pixel of memory beside
+        /// 32 of motion, and two passes.
+        antialias: Smoothing = Smoothing::Taa, "", (), Permutation;
     }
 }

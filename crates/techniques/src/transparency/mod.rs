@@ -69,6 +69,13 @@ pub struct LayerRoom {
     behind: Texture,
 }
 
+impl LayerRoom {
+    /// Which triangle of the nearest layer each pixel shows: R32Uint, triangle of the camera's draw list + 1.
+    pub fn nearest(&self) -> Option<&Texture> {
+        self.layers.first().map(|(visibility, _)| visibility)
+    }
+}
+
 impl Pass for Transparency {
     type Key = (Lookup, SceneFacts);
 

@@ -16,10 +16,14 @@
 //! Cost: 20 bytes a pixel written, 24 with the visibility buffer.
 
 pub mod culling;
+mod motion_vectors;
 pub mod raster;
 mod settings;
 mod table;
 
+#[cfg(test)]
+pub(crate) use motion_vectors::MomentsData;
+pub use motion_vectors::{MOTION, Moment, MotionOutputs, MotionRoom, MotionVectors};
 pub use settings::{Lighting, Msaa, Raster, SurfaceSettings};
 pub use table::{Hole, MAX_VIEWS, ViewData, ViewTable};
 

@@ -112,7 +112,7 @@ fn what_is_asked_for_by_name_comes_back_and_an_unknown_name_tells_all() {
     let mut studio = Studio::new(&gpu, settings);
     let loaded = studio.load(&scene);
     let options =
-        |name: &str| StillOptions { size: SIZE, samples: 2, left: vec![name.into()], aovs: Vec::new() };
+        |name: &str| StillOptions { size: SIZE, samples: 2, left: vec![name.into()], ..StillOptions::default() };
     let error = studio.renderer.still(&loaded, &view, &options("direct/dreams")).unwrap_err().to_string();
     for name in ["direct/dreams", "shadow/shadow_maps", "surface/visibility"] {
         assert!(error.contains(name), "{error}");
@@ -146,7 +146,7 @@ fn whatever_is_listed_comes_back_from_stills_of_many_frames() {
         let mut recorder = Recorder::new(&gpu, false);
         let listed = studio.renderer.leaves(&mut recorder, &loaded, &view, SIZE).unwrap();
         let left: Vec<_> = listed.iter().map(|resource| resource.name.to_string()).collect();
-        let options = StillOptions { size: SIZE, samples: 3, left: left.clone(), aovs: Vec::new() };
+        let options = StillOptions { size: SIZE, samples: 3, left: left.clone(), ..StillOptions::default() };
         // In the second still as well, before which all maps rest.
         for _ in 0..2 {
             let still = studio.renderer.still(&loaded, &view, &options).unwrap();

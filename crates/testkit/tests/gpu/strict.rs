@@ -70,7 +70,7 @@ fn look(studio: &mut Studio, name: &str, settings: impl IntoIterator<Item = Sett
         rendered += 1;
     }
     recorder.wait().unwrap();
-    let options = StillOptions { size: SIZE, samples: 1, aovs: vec![Aov::Shadow], left: Vec::new() };
+    let options = StillOptions { size: SIZE, samples: 1, aovs: vec![Aov::Shadow], ..StillOptions::default() };
     let still = studio.renderer.still(&loaded, &view, &options).unwrap();
     still.picture.wait(&gpu).unwrap();
     rendered

@@ -25,7 +25,7 @@ mod pass;
 pub(crate) mod rest;
 
 use std::ops::Range;
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::BufferUsages;
@@ -137,6 +137,10 @@ pub struct SceneMotion {
     generation: u64,
     bounds: Vec<(Vec3, Vec3)>,
     bounds_before: Vec<(Vec3, Vec3)>,
+    // How far the movers went with the last pose.
+    steps_m: Vec<f32>,
+    // The last generation that does not go on from the one before.
+    broken: u64,
     done: Mutex<Done>,
 }
 
@@ -231,6 +235,8 @@ impl MotionBuilder {
             pose_since: 1,
             generation: 1,
             bounds_before: bounds.clone(),
+            steps_m: vec![0.0; bounds.len()],
+            broken: 0,
             bounds,
             done: Mutex::default(),
         };
@@ -272,8 +278,39 @@ impl SceneMotion {
             self.generation = next;
             self.bounds_before = before;
             self.bounds = self.movers.iter().map(|mover| mover.bounds_ws(scene, pose)).collect();
+            if self.jumps() || moved_origin {
+                self.broken = next;
+            }
         }
         moved
+    }
+
+    /// Whether a quarter of what moves, by the area it takes, went more than twice its own size with the last pose, and not
+    /// as it did before.
+    fn jumps(&mut self) -> bool {
+        let (mut all, mut jumped) = (0.0, 0.0);
+        self.steps_m.resize(self.bounds.len(), 0.0);
+        let boxes = self.bounds.iter().zip(&self.bounds_before);
+        for ((now, before), step_m) in boxes.zip(&mut self.steps_m) {
+            let size = (now.1 - now.0).length().max((before.1 - before.0).length());
+            let step = 0.5 * ((now.0 + now.1) - (before.0 + before.1)).length();
+            all += size * size;
+            if step > 2.0 * size && step > JUMP * *step_m {
+                jumped += size * size;
+            }
+            *step_m = step;
+        }
+        jumped > 0.25 * all
+    }
+
+    /// Whether what a view kept of a generation holds for the next frame: the previous positions are, or will be, those of
+    /// then, and nothing jumped meanwhile.
+    pub fn goes_on_from(&self, generation: u64) -> bool {
+        let done = self.done.lock().unwrap_or_else(PoisonError::into_inner);
+        let was_now = generation == done.generation;
+        // Another view of the same frame has moved the scene already.
+        let was_before = done.generation == self.generation && generation == done.before;
+        generation >= self.broken && (was_now || was_before)
     }
 
     /// What bends, as the GPU takes it: joint matrices, then morph weights.
@@ -335,6 +372,9 @@ impl SceneMotion {
         [moves, jobs, rest, pose].map(|buffer| buffer.raw().size()).iter().sum()
     }
 }
+
+/// What goes so many times as far as the pose before has jumped.
+const JUMP: f32 = 8.0;
 
 /// Rows of an affine map, so that a point is three dot products.
 fn rows(m: &Affine3A) -> [[f32; 4]; 3] {

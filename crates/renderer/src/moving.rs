@@ -1,0 +1,174 @@
+//! Pictures that move: how their frames are sampled, and when a frame goes on from the one before.
+
+use chiaro_techniques::frame::LightData;
+use chiaro_techniques::post::{AntialiasInputs, CameraSettings};
+use chiaro_techniques::scene::motion::SceneMotion;
+use chiaro_techniques::view::Moment;
+use glam::Vec2;
+
+use crate::still::Jitter;
+use crate::view_state::Histories;
+use crate::{LoadedScene, Settings, View, ViewState};
+
+/// Where within their pixels frames are taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sampling {
+    /// A frame by itself, or one of several that the caller averages.
+    Single {
+        /// Moves the picture right and down by parts of a pixel.
+        jitter_px: Vec2,
+        /// How much smaller than a pixel textures are filtered: 1/√frames averaged.
+        footprint_scale: f32,
+    },
+    /// A frame of a picture that moves: jittered and averaged over time as `post.antialias` says.
+    Moving,
+    /// The same without jitter and without averaging: for motion vectors alone.
+    Steady,
+}
+
+impl Sampling {
+    /// Whether the frame is one of a picture that moves.
+    pub(crate) fn moves(self) -> bool {
+        matches!(self, Self::Moving | Self::Steady)
+    }
+}
+
+impl From<(Vec2, f32)> for Sampling {
+    fn from((jitter_px, footprint_scale): (Vec2, f32)) -> Self {
+        Self::Single { jitter_px, footprint_scale }
+    }
+}
+
+/// Frames until offsets within the pixel come again.
+const OFFSETS: u32 = 16;
+/// Frames that textures are sharpened for, at most: more flicker than they gain.
+const SHARPEST: u32 = 8;
+/// A camera that goes further than this share of the scene's size within a frame, or turns further than this (radians), has
+/// jumped,
+const JUMP_SHARE: f32 = 0.02;
+const JUMP_RAD: f32 = 0.35;
+/// unless it went on as it did the frame before, or up to so many times as fast.
+const FASTER: f32 = 4.0;
+
+/// What a frame must have in common with the one before to go on from it: scene, size, and all settings but those of the
+/// screen.
+pub(crate) type SeenKey = (u64, [u32; 2], Settings);
+
+/// What a frame showed.
+#[derive(Clone, Debug)]
+pub(crate) struct Seen {
+    view: View,
+    moment: Moment,
+    // Of the scene's pose.
+    generation: u64,
+    lights: Vec<LightData>,
+    radiance_scale: f32,
+    // Since the last cut.
+    frames: u32,
+    step_m: f32,
+    turn_rad: f32,
+}
+
+/// What a frame of a moving picture goes on from, and what the next may go on from.
+#[derive(Clone, Debug)]
+pub(crate) struct Moves {
+    pub now: Moment,
+    pub before: Option<Moment>,
+    /// Where frames are averaged.
+    pub antialias: Option<AntialiasInputs>,
+    key: SeenKey,
+    seen: Seen,
+}
+
+/// What is looked at in a frame.
+pub(crate) struct Look<'a> {
+    pub scene: &'a LoadedScene,
+    pub view: &'a View,
+    pub size_px: [u32; 2],
+    pub settings: &'a Settings,
+}
+
+impl Moves {
+    /// `smooths`: whether the frame becomes part of a mean.
+    pub(crate) fn new(look: &Look<'_>, state: &mut ViewState, smooths: bool) -> Self {
+        let key = look.key();
+        // Without their textures histories are gone.
+        let rooms = &state.rooms;
+        let has_room = rooms.motion.is_some() && (rooms.antialias.is_some() || !smooths);
+        let before = state.history.seen.get(&key).filter(|seen| has_room && look.goes_on_from(seen));
+        let seen = look.seen(before);
+        let antialias = smooths.then(|| AntialiasInputs {
+            rests: before.is_some_and(|before| before.shows_the_same_as(&seen)),
+            history_scale: before.map_or(1.0, |before| seen.radiance_scale / before.radiance_scale),
+        });
+        Self { now: seen.moment, before: before.map(|before| before.moment), antialias, key, seen }
+    }
+
+    /// Offset within the pixel, and how much smaller than it textures are filtered.
+    pub(crate) fn sampling(&self) -> (Vec2, f32) {
+        let before = self.seen.frames - 1;
+        if self.antialias.is_none() || before == 0 {
+            return (Vec2::ZERO, 1.0);
+        }
+        let frames = (before + 1).min(SHARPEST) as f32;
+        (Jitter::new(OFFSETS).offset_px(before % OFFSETS), 1.0 / frames.sqrt())
+    }
+
+    /// Once the frame is recorded, the next may go on from it.
+    pub(crate) fn keep(self, history: &mut Histories) {
+        history.seen.keep(self.key, self.seen);
+    }
+}
+
+impl Seen {
+    fn shows_the_same_as(&self, other: &Self) -> bool {
+        self.view == other.view && self.generation == other.generation && self.lights == other.lights
+    }
+}
+
+impl Look<'_> {
+    fn key(&self) -> SeenKey {
+        let CameraSettings { exposure_ev100, tone_map, .. } = CameraSettings::default();
+        let mut settings = self.settings.clone();
+        (settings.camera.exposure_ev100, settings.camera.tone_map) = (exposure_ev100, tone_map);
+        (self.scene.gpu.id(), self.size_px, settings)
+    }
+
+    /// Whether nothing has jumped since a frame.
+    fn goes_on_from(&self, seen: &Seen) -> bool {
+        let motion: &SceneMotion = &self.scene.gpu.motion;
+        let (lo, hi) = self.scene.gpu.bounds_ws;
+        let (step, turn) = went(&seen.view, self.view);
+        let far = step > (JUMP_SHARE * (hi - lo).length()).max(FASTER * seen.step_m);
+        let wide = turn > JUMP_RAD.max(FASTER * seen.turn_rad);
+        motion.goes_on_from(seen.generation)
+            && !(far || wide)
+            && seen.view.is_orthographic() == self.view.is_orthographic()
+    }
+
+    fn seen(&self, before: Option<&Seen>) -> Seen {
+        let view = *self.view;
+        let moment = Moment {
+            clip_from_ws: view.clip_from_ws(self.size_px, Vec2::ZERO),
+            eye_ws: view.eye_ws(),
+            forward_ws: view.forward_ws(),
+            pixel_m: view.pixel_m2(self.size_px).sqrt(),
+        };
+        let (step_m, turn_rad) = before.map_or((0.0, 0.0), |before| went(&before.view, &view));
+        Seen {
+            view,
+            moment,
+            generation: self.scene.gpu.motion.generation(),
+            lights: self.scene.lights().to_vec(),
+            radiance_scale: self.scene.radiance_scale,
+            frames: before.map_or(1, |before| before.frames.saturating_add(1)),
+            step_m,
+            turn_rad,
+        }
+    }
+}
+
+/// How far a camera went, metres, and turned, radians.
+fn went(from: &View, to: &View) -> (f32, f32) {
+    ((to.eye_ws() - from.eye_ws()).length(), from.forward_ws().angle_between(to.forward_ws()))
+}

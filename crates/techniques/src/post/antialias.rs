@@ -1,0 +1,156 @@
+//! Temporal anti-aliasing of pictures that move: see `antialias.cs.wesl`.
+//!
+//! | input | output | format |
+//! | --- | --- | --- |
+//! | radiance of a jittered frame, motion, what was seen | radiance | Rgba16Float, as the input |
+//!
+//! What is seen for the first time shows one frame. Limits: what a mirror or glass shows, shadows and highlights do not move
+//! with surfaces, and follow within the box of colours; detail finer than a pixel keeps some of its flicker. Cost: 8 bytes of
+//! radiance, 16 of motion, 8 of what is seen and 8 of the frames before read a pixel, 8 written.
+
+use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
+use chiaro_gpu::{
+    Binding, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life, Texture, TextureOptions,
+    TexturePool,
+};
+
+use crate::view::MotionOutputs;
+use crate::{Kit, Pass, shaders};
+
+/// Frames of a point's past that count while anything moves. More is calmer, and blurs what is resampled again and again.
+const MOVING_FRAMES: f32 = 12.0;
+/// The same at rest.
+const RESTING_FRAMES: f32 = 63.0;
+/// Half a box's side, standard deviations.
+const REACH: f32 = 1.25;
+
+/// See `antialias.cs.wesl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct AntialiasData {
+    pub(crate) size_px: [u32; 2],
+    pub(crate) rests: u32,
+    pub(crate) most_frames: f32,
+    pub(crate) history_scale: f32,
+    pub(crate) reach: f32,
+    pub(crate) reserved0: u32,
+    pub(crate) reserved1: u32,
+}
+
+/// What a frame's anti-aliasing goes by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AntialiasInputs {
+    /// Whether nothing has changed since the frame before.
+    pub rests: bool,
+    /// Stored units of radiance now over those before.
+    pub history_scale: f32,
+}
+
+/// Means of one size, of the frame now and of the one before.
+#[derive(Debug)]
+pub struct AntialiasRoom {
+    radiance: [Texture; 2],
+    unlit: Option<[Texture; 2]>,
+    turn: usize,
+    uniforms: [Buffer; 2],
+}
+
+/// The pass.
+#[derive(Debug)]
+pub struct Antialias {
+    pipeline: ComputePipeline,
+    sampler: wgpu::Sampler,
+}
+
+impl Pass for Antialias {
+    type Key = ();
+
+    fn compile(kit: &Kit, (): &()) -> Result<Self, GpuError> {
+        let Kit { gpu, library, .. } = kit;
+        let entry = shaders::plain("post/antialias.cs.wesl");
+        let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("history"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..Default::default()
+        });
+        Ok(Self { pipeline: ComputePipeline::new(gpu, library, &entry, &[], &[])?, sampler })
+    }
+}
+
+impl Antialias {
+    /// Room for a picture size, and where materials are unlit for their colour: what is there if it serves. Not inside a frame.
+    pub fn room<'r>(
+        &self,
+        gpu: &Gpu,
+        pool: &TexturePool,
+        (size, unlit): ([u32; 2], bool),
+        room: &'r mut Option<AntialiasRoom>,
+    ) -> &'r AntialiasRoom {
+        let serves = |room: &AntialiasRoom| {
+            let has = room.radiance[0].options();
+            [has.width, has.height] == size && room.unlit.is_some() == unlit
+        };
+        chiaro_gpu::keep(room, serves, || {
+            let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING;
+            let options = TextureOptions::new(size[0], size[1], TextureFormat::Rgba16Float, usage);
+            let two = |name| [0, 1].map(|_| pool.lend(gpu, name, Life::Kept, options));
+            let uniform = |_| {
+                let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+                Buffer::new(gpu, "antialias", Life::Frame, size_of::<AntialiasData>() as u64, usage)
+            };
+            AntialiasRoom {
+                radiance: two("antialiased"),
+                unlit: unlit.then(|| two("antialiased_unlit")),
+                turn: 0,
+                uniforms: [0, 1].map(uniform),
+            }
+        })
+    }
+
+    /// Radiance, and the colour of unlit materials where there are any, as the mean of frames.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        (radiance, unlit): (&Texture, Option<&Texture>),
+        motion: &MotionOutputs,
+        inputs: &AntialiasInputs,
+        room: &mut AntialiasRoom,
+    ) -> (Texture, Option<Texture>) {
+        room.turn ^= 1;
+        let means = [Some(&room.radiance), room.unlit.as_ref()];
+        let mut results = [None, None];
+        let layers = [Some(radiance), unlit].into_iter().zip(means).zip(&room.uniforms);
+        for (number, ((layer, means), uniform)) in layers.enumerate() {
+            let (Some(layer), Some(means)) = (layer, means) else { continue };
+            let options = *layer.options();
+            // The colour of unlit materials is stored as it is.
+            let history_scale = if number == 0 { inputs.history_scale } else { 1.0 };
+            let data = AntialiasData {
+                size_px: [options.width, options.height],
+                rests: u32::from(inputs.rests),
+                most_frames: if inputs.rests { RESTING_FRAMES } else { MOVING_FRAMES },
+                history_scale,
+                reach: REACH,
+                reserved0: 0,
+                reserved1: 0,
+            };
+            frame.upload(uniform, &[data]);
+            let binds = [
+                ("antialias", uniform.into()),
+                ("radiance", layer.into()),
+                ("motion", (&motion.motion).into()),
+                ("seen", (&motion.seen).into()),
+                ("history", (&means[room.turn ^ 1]).into()),
+                ("history_sampler", Binding::from(&self.sampler)),
+                ("result", (&means[room.turn]).into()),
+            ];
+            let pixels = Dispatch::Threads([options.width, options.height, 1]);
+            frame.compute("post/antialias", &self.pipeline, &[], &binds, pixels);
+            results[number] = Some(means[room.turn].clone());
+        }
+        let [mean, unlit] = results;
+        (mean.unwrap_or_else(|| radiance.clone()), unlit)
+    }
+}
