@@ -40,9 +40,10 @@ impl From<(Vec2, f32)> for Sampling {
 }
 
 /// Frames until offsets within the pixel come again.
-const OFFSETS: u32 = 16;
-/// Frames that textures are sharpened for, at most: more flicker than they gain.
-const SHARPEST: u32 = 8;
+const OFFSETS: u32 = 64;
+/// How much smaller than a pixel textures are filtered while the camera rests, and while it moves.
+const RESTING_FOOTPRINT: f32 = 0.25;
+const MOVING_FOOTPRINT: f32 = 0.5;
 /// A camera that goes further than this share of the scene's size within a frame, or turns further than this (radians), has
 /// jumped,
 const JUMP_SHARE: f32 = 0.02;
@@ -98,20 +99,27 @@ impl Moves {
         let before = state.history.seen.get(&key).filter(|seen| has_room && look.goes_on_from(seen));
         let seen = look.seen(before);
         let antialias = smooths.then(|| AntialiasInputs {
+            jitter_px: [0.0; 2],
             rests: before.is_some_and(|before| before.shows_the_same_as(&seen)),
             history_scale: before.map_or(1.0, |before| seen.radiance_scale / before.radiance_scale),
         });
-        Self { now: seen.moment, before: before.map(|before| before.moment), antialias, key, seen }
+        let mut moves = Self { now: seen.moment, before: before.map(|before| before.moment), antialias, key, seen };
+        let jitter_px = moves.sampling().0.to_array();
+        moves.antialias = moves.antialias.map(|inputs| AntialiasInputs { jitter_px, ..inputs });
+        moves
     }
 
-    /// Offset within the pixel, and how much smaller than it textures are filtered.
+    /// Offset within the pixel, and how much smaller than it textures are filtered. Where the camera moves it takes every frame
+    /// elsewhere by itself, and offsets would only be blurred away.
     pub(crate) fn sampling(&self) -> (Vec2, f32) {
         let before = self.seen.frames - 1;
         if self.antialias.is_none() || before == 0 {
-            return (Vec2::ZERO, 1.0);
+            (Vec2::ZERO, 1.0)
+        } else if self.before == Some(self.now) {
+            (Jitter::new(OFFSETS).offset_px(before % OFFSETS), RESTING_FOOTPRINT)
+        } else {
+            (Vec2::ZERO, MOVING_FOOTPRINT)
         }
-        let frames = (before + 1).min(SHARPEST) as f32;
-        (Jitter::new(OFFSETS).offset_px(before % OFFSETS), 1.0 / frames.sqrt())
     }
 
     /// Once the frame is recorded, the next may go on from it.

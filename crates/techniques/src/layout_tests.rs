@@ -266,12 +266,15 @@ fn rust_structs_equal_their_wesl_twins() {
         AntialiasData,
         "Antialias",
         size_px,
+        jitter_px,
         rests,
-        most_frames,
+        moving_frames,
+        still_frames,
         history_scale,
         reach,
-        reserved0,
-        reserved1,
+        reach_still,
+        decay,
+        key,
     );
     same!(
         &linked("view/motion_vectors.cs.wesl"),

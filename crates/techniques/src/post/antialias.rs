@@ -18,24 +18,34 @@ use chiaro_gpu::{
 use crate::view::MotionOutputs;
 use crate::{Kit, Pass, shaders};
 
-/// Frames of a point's past that count while anything moves. More is calmer, and blurs what is resampled again and again.
-const MOVING_FRAMES: f32 = 12.0;
-/// The same at rest.
-const RESTING_FRAMES: f32 = 63.0;
-/// Half a box's side, standard deviations.
-const REACH: f32 = 1.25;
+/// Frames of a point's past that count where the picture moves. More is calmer, and blurs what is resampled again and again.
+const MOVING_FRAMES: f32 = 1.0;
+/// The same where it does not.
+const STILL_FRAMES: f32 = 63.0;
+/// Brightness that is half as bright as can be: of radiance, a quarter of white under the brightest light as it is stored; of
+/// unlit colours a quarter of the display's white.
+const KEY: f32 = 64.0;
+const UNLIT_KEY: f32 = 0.25;
+/// How fast what is drawn into its box loses its past: the power of how far outside it was.
+const DECAY: f32 = 2.0;
+/// Half a box's side, standard deviations: of what moves across the picture, and of what does not.
+const REACH: f32 = 2.0;
+const REACH_STILL: f32 = 2.5;
 
 /// See `antialias.cs.wesl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct AntialiasData {
     pub(crate) size_px: [u32; 2],
+    pub(crate) jitter_px: [f32; 2],
     pub(crate) rests: u32,
-    pub(crate) most_frames: f32,
+    pub(crate) moving_frames: f32,
+    pub(crate) still_frames: f32,
     pub(crate) history_scale: f32,
     pub(crate) reach: f32,
-    pub(crate) reserved0: u32,
-    pub(crate) reserved1: u32,
+    pub(crate) reach_still: f32,
+    pub(crate) decay: f32,
+    pub(crate) key: f32,
 }
 
 /// What a frame's anti-aliasing goes by.
@@ -43,15 +53,21 @@ pub(crate) struct AntialiasData {
 pub struct AntialiasInputs {
     /// Whether nothing has changed since the frame before.
     pub rests: bool,
+    /// How far the frame is moved right and down within its pixels.
+    pub jitter_px: [f32; 2],
     /// Stored units of radiance now over those before.
     pub history_scale: f32,
 }
 
+/// Means, and of how many frames each pixel's is: of the frame now and of the one before.
+#[derive(Debug)]
+struct Mean([(Texture, Texture); 2]);
+
 /// Means of one size, of the frame now and of the one before.
 #[derive(Debug)]
 pub struct AntialiasRoom {
-    radiance: [Texture; 2],
-    unlit: Option<[Texture; 2]>,
+    radiance: Mean,
+    unlit: Option<Mean>,
     turn: usize,
     uniforms: [Buffer; 2],
 }
@@ -89,13 +105,20 @@ impl Antialias {
         room: &'r mut Option<AntialiasRoom>,
     ) -> &'r AntialiasRoom {
         let serves = |room: &AntialiasRoom| {
-            let has = room.radiance[0].options();
+            let has = room.radiance.0[0].0.options();
             [has.width, has.height] == size && room.unlit.is_some() == unlit
         };
         chiaro_gpu::keep(room, serves, || {
             let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING;
-            let options = TextureOptions::new(size[0], size[1], TextureFormat::Rgba16Float, usage);
-            let two = |name| [0, 1].map(|_| pool.lend(gpu, name, Life::Kept, options));
+            let lend = |name, format| {
+                pool.lend(gpu, name, Life::Kept, TextureOptions::new(size[0], size[1], format, usage))
+            };
+            let two = |name| {
+                let counted = |_| {
+                    (lend(name, TextureFormat::Rgba16Float), lend("frames", TextureFormat::R32Float))
+                };
+                Mean([0, 1].map(counted))
+            };
             let uniform = |_| {
                 let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
                 Buffer::new(gpu, "antialias", Life::Frame, size_of::<AntialiasData>() as u64, usage)
@@ -130,25 +153,32 @@ impl Antialias {
             let data = AntialiasData {
                 size_px: [options.width, options.height],
                 rests: u32::from(inputs.rests),
-                most_frames: if inputs.rests { RESTING_FRAMES } else { MOVING_FRAMES },
+                moving_frames: MOVING_FRAMES,
+                still_frames: STILL_FRAMES,
                 history_scale,
                 reach: REACH,
-                reserved0: 0,
-                reserved1: 0,
+                jitter_px: inputs.jitter_px,
+                reach_still: REACH_STILL,
+                key: if number == 0 { KEY } else { UNLIT_KEY },
+                decay: DECAY,
             };
             frame.upload(uniform, &[data]);
+            let [(now, counts), (before, counts_before)] =
+                [room.turn, room.turn ^ 1].map(|turn| &means.0[turn]);
             let binds = [
                 ("antialias", uniform.into()),
                 ("radiance", layer.into()),
                 ("motion", (&motion.motion).into()),
                 ("seen", (&motion.seen).into()),
-                ("history", (&means[room.turn ^ 1]).into()),
+                ("history", before.into()),
                 ("history_sampler", Binding::from(&self.sampler)),
-                ("result", (&means[room.turn]).into()),
+                ("counts_before", counts_before.into()),
+                ("result", now.into()),
+                ("counts", counts.into()),
             ];
             let pixels = Dispatch::Threads([options.width, options.height, 1]);
             frame.compute("post/antialias", &self.pipeline, &[], &binds, pixels);
-            results[number] = Some(means[room.turn].clone());
+            results[number] = Some(now.clone());
         }
         let [mean, unlit] = results;
         (mean.unwrap_or_else(|| radiance.clone()), unlit)
