@@ -67,7 +67,11 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
     report((args, samples), &session, &mut recorder)
 }
 
-fn report((args, samples): (&RenderArgs, u32), session: &Session, recorder: &mut Recorder) -> anyhow::Result<()> {
+fn report(
+    (args, samples): (&RenderArgs, u32),
+    session: &Session,
+    recorder: &mut Recorder,
+) -> anyhow::Result<()> {
     let machine = Machine::of(&session.gpu);
     let timings = summarise(&recorder.take_timings());
     match &timings {

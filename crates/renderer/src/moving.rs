@@ -103,7 +103,8 @@ impl Moves {
             rests: before.is_some_and(|before| before.shows_the_same_as(&seen)),
             history_scale: before.map_or(1.0, |before| seen.radiance_scale / before.radiance_scale),
         });
-        let mut moves = Self { now: seen.moment, before: before.map(|before| before.moment), antialias, key, seen };
+        let mut moves =
+            Self { now: seen.moment, before: before.map(|before| before.moment), antialias, key, seen };
         let jitter_px = moves.sampling().0.to_array();
         moves.antialias = moves.antialias.map(|inputs| AntialiasInputs { jitter_px, ..inputs });
         moves

@@ -167,9 +167,10 @@ fn forward(
     follow(passes, frame, inputs.scene);
     let lists = cull(passes, frame, inputs, rooms);
     let camera = (rooms.views, &lists, CAMERA);
-    let needs_depth =
-        inputs.wants_surface || inputs.moves.is_some_and(|moves| moves.antialias.is_some())
-            || rooms.layers.is_some() || !inputs.shadow_views.fitted.is_empty();
+    let needs_depth = inputs.wants_surface
+        || inputs.moves.is_some_and(|moves| moves.antialias.is_some())
+        || rooms.layers.is_some()
+        || !inputs.shadow_views.fitted.is_empty();
     let depth =
         needs_depth.then(|| passes.surfaces.record_visibility(frame, (group, scene), camera, rooms.surface));
     let shadow_inputs = shadow_inputs(passes, inputs, rooms, (&lists, depth.as_ref()), settings);

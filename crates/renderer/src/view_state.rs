@@ -7,8 +7,8 @@ use chiaro_techniques::indirect::SkyView;
 use chiaro_techniques::post::AntialiasRoom;
 use chiaro_techniques::shadow::ShadowRoom;
 use chiaro_techniques::transparency::LayerRoom;
-use chiaro_techniques::view::{MotionRoom, SurfaceRoom, ViewTable};
 use chiaro_techniques::view::culling::ListRoom;
+use chiaro_techniques::view::{MotionRoom, SurfaceRoom, ViewTable};
 use glam::DVec3;
 
 use crate::moving::{Seen, SeenKey};

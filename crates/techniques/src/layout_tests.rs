@@ -20,9 +20,9 @@ use crate::scene::{InstanceData, ItemData};
 use crate::shaders;
 use crate::shadow::SunFit;
 use crate::shadow::moments::Blur;
-use crate::view::{MomentsData, ViewData};
 use crate::view::culling::CullClasses;
 use crate::view::raster::RasterData;
+use crate::view::{MomentsData, ViewData};
 
 macro_rules! same {
     ($linked:expr, $rust:ty, $wesl:literal, $($field:ident),+ $(,)?) => {

@@ -1,8 +1,10 @@
-//! The picture in the window: one frame while something moves, an average of many while everything rests.
+//! The picture in the window: smoothed over time while something moves, an average of many frames while everything rests.
+//! One goes over into the other without a step.
 
 use chiaro::techniques::post::{Display, Sum, Summed};
-use chiaro::{Frame, Gpu, Jitter, Pixels, Readback, Settings, Texture, TexturePool, View, ViewState};
-use glam::Vec2;
+use chiaro::{
+    Frame, Gpu, Jitter, Pixels, Readback, Sampling, Settings, Texture, TexturePool, View, ViewState,
+};
 
 use crate::buffers::{self, Drawn, Offer, Place, Shown};
 use crate::engine::Engine;
@@ -37,8 +39,11 @@ pub struct Picture {
     buffer: Option<(Sum, Texture)>,
     drawn: Option<Drawn>,
     offer: Offer,
-    // The sum holds a frame of a picture that moved, taken without jitter.
+    // The sum holds a frame of a picture that moved.
     moved: bool,
+    // Such a frame's radiance and colour of unlit materials, where they are means over time: the picture at rest starts
+    // from them.
+    mean: Option<(Texture, Option<Texture>)>,
     truth: Option<Shows>,
     // What frames keep, once there was one.
     state: Option<ViewState>,
@@ -66,6 +71,7 @@ impl Picture {
             drawn: None,
             offer: Offer::default(),
             moved: false,
+            mean: None,
             truth: None,
             state: None,
         }
@@ -113,7 +119,7 @@ impl Picture {
 
     /// Frames averaged.
     pub fn frames(&self) -> u32 {
-        self.textures.as_ref().map_or(0, |(sum, _)| sum.frames())
+        self.textures.as_ref().map_or(0, |(sum, _)| sum.own_frames())
     }
 
     /// Makes room; `true` when the texture is another than before.
@@ -127,6 +133,7 @@ impl Picture {
         }
         self.textures = None;
         self.unlit = None;
+        self.mean = None;
         self.buffer = None;
         self.drawn = None;
         self.pool.trim();
@@ -165,18 +172,18 @@ impl Picture {
         } else if sum.frames() >= MAX_FRAMES {
             sum.restart();
         }
-        sum.frames() < REST_FRAMES
+        sum.own_frames() < REST_FRAMES
     }
 
-    /// Where within the pixel the next frame is taken, and how much smaller than a pixel textures are filtered.
-    fn jitter(&self) -> (Vec2, f32) {
+    /// How the next frame is sampled.
+    fn sampling(&self) -> Sampling {
         if self.moved {
-            return (Vec2::ZERO, 1.0);
+            return Sampling::Moving;
         }
         let jitter = Jitter::new(REST_FRAMES);
         // Its second offset is the pixel's middle; swapped in pairs the picture does not jump when it comes to rest.
         let index = (self.frames() % REST_FRAMES) ^ 1;
-        (jitter.offset_px(index), jitter.footprint_scale())
+        (jitter.offset_px(index), jitter.footprint_scale()).into()
     }
 
     /// Makes room for a buffer's picture; `true` when it is another texture than before.
@@ -203,24 +210,34 @@ impl Picture {
         (stage, view): (&Stage, &View),
         shown: Shown,
     ) {
-        let (jitter_px, footprint_scale) = self.jitter();
+        let sampling = self.sampling();
         let Some((sum, picture)) = &mut self.textures else { return };
         let Engine { renderer, passes, .. } = engine;
         let options = picture.options();
         let size_px = [options.width, options.height];
         let state = self.state.get_or_insert_with(|| ViewState::new(renderer));
-        let sampling = (jitter_px, footprint_scale);
         let Ok(prepared) = renderer.prepare(state, &stage.loaded, view, size_px, sampling) else { return };
         let buffer = self.buffer.as_mut().filter(|_| shown.place != Place::Off);
         let outputs = prepared.record(frame, buffer.is_some());
-        passes.accumulator.record(frame, &outputs.radiance, 1.0 / stage.loaded.radiance_scale, sum);
+        if self.moved {
+            let is_mean = renderer.settings().smooths();
+            self.mean = is_mean.then(|| (outputs.radiance.clone(), outputs.unlit.clone()));
+        }
+        let mean = self.mean.as_ref().filter(|_| !self.moved);
+        let starts = sum.frames() == 0;
+        let add = |frame: &mut Frame<'_>, layer, mean: Option<&Texture>, nits, sum: &mut Sum| match mean {
+            Some(mean) => passes.accumulator.record_at_rest(frame, (layer, mean), nits, sum),
+            None => passes.accumulator.record(frame, layer, nits, sum),
+        };
+        let nits = 1.0 / stage.loaded.radiance_scale;
+        add(frame, &outputs.radiance, mean.map(|(radiance, _)| radiance), nits, sum);
         match &outputs.unlit {
             Some(color) => {
                 let unlit = self.unlit.get_or_insert_with(|| Sum::new(&self.gpu, &self.pool, size_px));
-                if sum.frames() == 1 {
+                if starts {
                     unlit.restart();
                 }
-                passes.accumulator.record(frame, color, 1.0, unlit);
+                add(frame, color, mean.and_then(|(_, unlit)| unlit.as_ref()), 1.0, unlit);
             }
             None => self.unlit = None,
         }

@@ -114,9 +114,8 @@ impl Antialias {
                 pool.lend(gpu, name, Life::Kept, TextureOptions::new(size[0], size[1], format, usage))
             };
             let two = |name| {
-                let counted = |_| {
-                    (lend(name, TextureFormat::Rgba16Float), lend("frames", TextureFormat::R32Float))
-                };
+                let counted =
+                    |_| (lend(name, TextureFormat::Rgba16Float), lend("frames", TextureFormat::R32Float));
                 Mean([0, 1].map(counted))
             };
             let uniform = |_| {

@@ -43,6 +43,8 @@ struct Accumulation {
     size_px: [u32; 2],
     frames_before: u32,
     nits: f32,
+    lent: f32,
+    reserved: [u32; 3],
 }
 
 /// A quantity shown by itself, in the order of `aov.cs.wesl`.
@@ -151,34 +153,48 @@ impl Aov {
 }
 
 /// Two textures that take turns as sum and sum before.
+///
+/// A picture that comes to rest goes over into a sum without a step: the moving picture's mean is lent to the sum as many
+/// times as [`Sum::LENT`] says, and every frame takes one of them back.
 #[derive(Clone, Debug)]
 pub struct Sum {
     textures: [Texture; 2],
+    turn: usize,
     frames: u32,
+    // How many of them are lent.
+    lent: u32,
 }
 
 impl Sum {
+    /// Frames that a moving picture stands for when it comes to rest.
+    pub const LENT: u32 = 16;
+
     /// An empty sum.
     pub fn new(gpu: &Gpu, pool: &TexturePool, [width, height]: [u32; 2]) -> Self {
         let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
         let options = TextureOptions::new(width, height, TextureFormat::Rgba32Float, usage);
         let textures = [0, 1].map(|_| pool.lend(gpu, "sum", Life::Kept, options));
-        Self { textures, frames: 0 }
+        Self { textures, turn: 0, frames: 0, lent: 0 }
     }
 
     /// Forgets what was summed: the next frame starts anew in the same textures.
     pub fn restart(&mut self) {
-        self.frames = 0;
+        (self.frames, self.lent) = (0, 0);
     }
 
-    /// Frames summed.
+    /// Frames summed, those that are lent among them.
     pub fn frames(&self) -> u32 {
         self.frames
     }
 
+    /// Frames summed that are not lent.
+    pub fn own_frames(&self) -> u32 {
+        self.frames - self.lent
+    }
+
     /// The newest sum: nits, and coverage by surfaces in alpha.
     pub fn texture(&self) -> &Texture {
-        &self.textures[self.frames as usize % 2]
+        &self.textures[self.turn]
     }
 
     fn before(&self) -> &Texture {
@@ -186,7 +202,13 @@ impl Sum {
     }
 
     fn after(&self) -> &Texture {
-        &self.textures[(self.frames as usize + 1) % 2]
+        &self.textures[self.turn ^ 1]
+    }
+
+    /// One frame more.
+    fn count(&mut self) {
+        self.turn ^= 1;
+        self.frames += 1;
     }
 }
 
@@ -195,6 +217,7 @@ impl Sum {
 pub struct Accumulator {
     pipeline: ComputePipeline,
     uniform: Buffer,
+    raw: bool,
 }
 
 impl Accumulator {
@@ -218,22 +241,61 @@ impl Accumulator {
         Ok(Self {
             pipeline: ComputePipeline::new(gpu, library, &shaders::accumulate(raw), &[], &[])?,
             uniform: uniform::<Accumulation>(gpu, "accumulation"),
+            raw,
         })
     }
 
     /// Adds a frame whose stored units are `nits` each.
     pub fn record(&self, frame: &mut Frame<'_>, radiance: &Texture, nits: f32, sum: &mut Sum) {
+        self.add(frame, (radiance, None), nits, sum);
+    }
+
+    /// Adds a frame of a picture that has come to rest; `moved` is its mean while it moved, see [`Sum`].
+    pub fn record_at_rest(
+        &self,
+        frame: &mut Frame<'_>,
+        (radiance, moved): (&Texture, &Texture),
+        nits: f32,
+        sum: &mut Sum,
+    ) {
+        let lent = match (sum.frames, sum.lent) {
+            (0, _) => {
+                sum.lent = Sum::LENT - 1;
+                (Sum::LENT - 1) as f32
+            }
+            (_, 0) => return self.add(frame, (radiance, None), nits, sum),
+            _ => {
+                sum.lent -= 1;
+                -1.0
+            }
+        };
+        self.add(frame, (radiance, Some((moved, lent))), nits, sum);
+        sum.frames = Sum::LENT;
+    }
+
+    fn add(
+        &self,
+        frame: &mut Frame<'_>,
+        (radiance, lent): (&Texture, Option<(&Texture, f32)>),
+        nits: f32,
+        sum: &mut Sum,
+    ) {
         let options = *sum.texture().options();
         let size_px = [options.width, options.height];
-        frame.upload(&self.uniform, &[Accumulation { size_px, frames_before: sum.frames, nits }]);
-        let binds = [
+        let (moved, lent) = lent.unwrap_or((radiance, 0.0));
+        let input = Accumulation { size_px, frames_before: sum.frames, nits, lent, reserved: [0; 3] };
+        frame.upload(&self.uniform, &[input]);
+        let mut binds = vec![
             ("accumulation", (&self.uniform).into()),
             ("radiance", radiance.into()),
             ("sum_before", sum.before().into()),
             ("sum", sum.after().into()),
         ];
+        if !self.raw {
+            binds.push(("lent", moved.into()));
+        }
         frame.compute("post/accumulate", &self.pipeline, &[], &binds, over(sum));
-        sum.frames += 1;
+        sum.count();
     }
 }
 
@@ -408,7 +470,7 @@ impl AovPass {
         binds.push(("sum_before", sum.before().into()));
         binds.push(("sum", sum.after().into()));
         frame.compute("post/aov", &self.pipeline, &[frame_group, scene.group()], &binds, over(sum));
-        sum.frames += 1;
+        sum.count();
     }
 }
 

@@ -134,13 +134,7 @@ impl MotionVectors {
                 motion: lend("motion", Life::Frame, TextureFormat::Rgba32Float).described(MOTION),
                 seen: [0, 1].map(|_| lend("seen", Life::Kept, TextureFormat::Rg32Uint)),
                 turn: 0,
-                uniform: Buffer::new(
-                    gpu,
-                    "moments",
-                    Life::Frame,
-                    size_of::<MomentsData>() as u64,
-                    uniform,
-                ),
+                uniform: Buffer::new(gpu, "moments", Life::Frame, size_of::<MomentsData>() as u64, uniform),
             }
         })
     }

@@ -111,8 +111,12 @@ fn what_is_asked_for_by_name_comes_back_and_an_unknown_name_tells_all() {
     settings.set("shadow.resolution", "64").unwrap();
     let mut studio = Studio::new(&gpu, settings);
     let loaded = studio.load(&scene);
-    let options =
-        |name: &str| StillOptions { size: SIZE, samples: 2, left: vec![name.into()], ..StillOptions::default() };
+    let options = |name: &str| StillOptions {
+        size: SIZE,
+        samples: 2,
+        left: vec![name.into()],
+        ..StillOptions::default()
+    };
     let error = studio.renderer.still(&loaded, &view, &options("direct/dreams")).unwrap_err().to_string();
     for name in ["direct/dreams", "shadow/shadow_maps", "surface/visibility"] {
         assert!(error.contains(name), "{error}");

@@ -19,6 +19,7 @@ mod lights;
 mod log;
 mod materials;
 mod motion;
+mod moving;
 mod pipelines;
 mod references;
 mod robust;

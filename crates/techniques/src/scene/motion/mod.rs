@@ -285,17 +285,17 @@ impl SceneMotion {
         moved
     }
 
-    /// Whether a quarter of what moves, by the area it takes, went more than twice its own size with the last pose, and not
-    /// as it did before.
+    /// Whether a quarter of what moves, by the area it takes, went further than a share of its own size with the last pose, and
+    /// many times as far as with the pose before.
     fn jumps(&mut self) -> bool {
         let (mut all, mut jumped) = (0.0, 0.0);
         self.steps_m.resize(self.bounds.len(), 0.0);
         let boxes = self.bounds.iter().zip(&self.bounds_before);
         for ((now, before), step_m) in boxes.zip(&mut self.steps_m) {
             let size = (now.1 - now.0).length().max((before.1 - before.0).length());
-            let step = 0.5 * ((now.0 + now.1) - (before.0 + before.1)).length();
+            let step = (now.0 - before.0).length().max((now.1 - before.1).length());
             all += size * size;
-            if step > 2.0 * size && step > JUMP * *step_m {
+            if step > JUMP_SHARE * size && step > JUMP * *step_m {
                 jumped += size * size;
             }
             *step_m = step;
@@ -373,8 +373,9 @@ impl SceneMotion {
     }
 }
 
-/// What goes so many times as far as the pose before has jumped.
+/// What goes so many times as far as with the pose before has jumped, if that is this share of its size.
 const JUMP: f32 = 8.0;
+const JUMP_SHARE: f32 = 0.1;
 
 /// Rows of an affine map, so that a point is three dot products.
 fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
