@@ -57,7 +57,7 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
             Some(video) => {
                 let gpu = &session.gpu;
                 let beside = write_beside(gpu, (still.aovs, still.left), still.samples, &path)?;
-                video.add(&picture(still.picture.wait(gpu)?)?)?;
+                video.add(&picture(&still.picture.wait(gpu)?)?)?;
                 [vec![args.output.clone()], beside].concat()
             }
         };
@@ -110,14 +110,14 @@ pub fn write(gpu: &Gpu, still: Still, path: &Path) -> anyhow::Result<Vec<PathBuf
         }
         write_exr(path, &mean(&radiance, still.samples)?, Precision::Float)?;
     } else {
-        write_png(path, &picture(still.picture.wait(gpu)?)?)?;
+        write_png(path, &picture(&still.picture.wait(gpu)?)?)?;
     }
     let beside = write_beside(gpu, (still.aovs, still.left), still.samples, path)?;
     Ok([vec![path.to_owned()], beside].concat())
 }
 
 /// What a screen shows.
-fn picture(pixels: Pixels) -> anyhow::Result<Picture> {
+fn picture(pixels: &Pixels) -> anyhow::Result<Picture> {
     let rgb = pixels.bytes.chunks_exact(4).flat_map(|rgba| [rgba[0], rgba[1], rgba[2]]).collect();
     Ok(Picture::from_bytes(pixels.width, pixels.height, rgb)?)
 }

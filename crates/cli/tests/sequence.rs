@@ -210,6 +210,31 @@ fn gaps_and_frames_alone_are_noted() {
 }
 
 #[test]
+fn values_of_any_size_are_measured_and_drawn() {
+    let list =
+        |values: [f32; 3]| ["a.0.exr", "a.1.exr", "a.2.exr"].into_iter().zip(values).collect::<Vec<_>>();
+    let plot = folder("size_plot").join("plot.svg");
+    for (name, a, b) in [
+        ("nan", [f32::NAN, f32::INFINITY, 1.0], [1.0; 3]),
+        ("huge", [f32::MAX, 0.0, f32::MAX], [f32::MAX, f32::MAX, 1.0]),
+        ("tiny", [1e-45, 1e-45, 1e-38], [1e-45, 1e-38, 1e-45]),
+        ("negative", [-1.0, -5.0, 2.0], [-1.0, 1.0, -2.0]),
+        ("far", [f32::MAX; 3], [1e-38; 3]),
+    ] {
+        let (a, b) = (frames(&format!("any_{name}_a"), &list(a)), frames(&format!("any_{name}_b"), &list(b)));
+        let output = chiaro(&["diff", "--sequence", &a, &b, "-o", plot.to_str().unwrap()]);
+        assert!(output.status.success(), "{name}: {}", text(&output.stderr));
+        let svg = std::fs::read_to_string(&plot).unwrap();
+        assert!(svg.contains("</svg>") && !svg.contains("NaN") && !svg.contains(">inf"), "{name}: {svg}");
+        let found = json(&[&a, &b]).0;
+        assert_eq!(found["frames"].as_array().unwrap().len(), 3);
+        if name == "nan" {
+            assert_eq!(found["all"]["not_finite"], 2 * 3 * 120);
+        }
+    }
+}
+
+#[test]
 fn flags_that_do_not_go_with_sequences_are_wrong_usage() {
     let wrong = |flags: &[&str], words: &[&str]| {
         assert_fails(&chiaro(&[&["diff", "a", "b"], flags].concat()), 2, words);

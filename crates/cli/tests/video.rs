@@ -183,7 +183,7 @@ fn an_interrupted_video_ends_with_the_frames_so_far() {
     assert_eq!(clips(&folder), ["clip.webp"]);
     let bytes = std::fs::metadata(folder.join("clip.webp")).unwrap().len();
     let frame = 3 * 256 * 160;
-    assert!(bytes % frame == 0 && bytes > 0, "{bytes} bytes are not whole frames");
+    assert!(bytes.is_multiple_of(frame) && bytes > 0, "{bytes} bytes are not whole frames");
     let frames = format!("the first {} of", bytes / frame);
     assert!(text(&output.stderr).contains(&frames), "{}", text(&output.stderr));
 }

@@ -139,19 +139,18 @@ fn table(args: &DiffArgs, rows: &[Row], (from, all): (u64, &SequenceMetrics)) ->
         let count = all.not_finite;
         let _ = writeln!(text, "not finite  {count}  values of A that are NaN or infinite, taken as 0");
     }
-    let [frame, names @ ..] = ["frame", "mean ratio", "nmae", "relmse", "flip", "flicker"];
-    let _ = write!(text, "\n{frame:>8}");
-    names.iter().for_each(|name| text += &format!("{name:>13}"));
-    let mut line = |name: &str, errors: [f64; 4], flicker: Option<f64>| {
-        let _ = write!(text, "\n{name:>8}");
-        errors.iter().for_each(|value| text += &format!("{value:>13.6}"));
-        text += &flicker.map_or(format!("{:>13}", "-"), |value| format!("{value:>13.6}"));
+    let [frame, ratio, nmae, relmse, flip, flicker] =
+        ["frame", "mean ratio", "nmae", "relmse", "flip", "flicker"];
+    let _ = writeln!(text, "\n{frame:>8}{ratio:>13}{nmae:>13}{relmse:>13}{flip:>13}{flicker:>13}");
+    let mut line = |name: &str, [ratio, nmae, relmse, flip]: [f64; 4], flicker: Option<f64>| {
+        let flicker = flicker.map_or("-".to_owned(), |value| format!("{value:.6}"));
+        let _ = writeln!(text, "{name:>8}{ratio:>13.6}{nmae:>13.6}{relmse:>13.6}{flip:>13.6}{flicker:>13}");
     };
     for Row { frame, metrics: m } in rows {
         line(&frame.to_string(), [m.mean_ratio, m.nmae, m.relmse, m.flip], m.flicker);
     }
     line(&format!("{from} on"), [all.mean_ratio, all.nmae, all.relmse, all.flip], all.flicker);
-    text + "\n"
+    text
 }
 
 fn panels(rows: &[Row], all: &SequenceMetrics) -> [Panel; 3] {

@@ -140,7 +140,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
         session.renderer.equip(&session.source, &mut session.scene)?;
         picture(&mut session, &folder.join(file_name(&row.name)))?;
         let measured = measure(&mut session, args.frames, at_sixty, || bar.tick())?;
-        costs.push(cost(row, measured));
+        costs.push(cost(row, &measured));
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -169,7 +169,7 @@ fn file_name(name: &str) -> String {
     words.join("_") + ".png"
 }
 
-fn cost(row: &Row, measured: Measured) -> Cost {
+fn cost(row: &Row, measured: &Measured) -> Cost {
     let timings = summarise(&measured.timings);
     let sum = |prefix: &str| {
         let passes = timings.iter().flat_map(|summary| &summary.passes);
