@@ -213,7 +213,7 @@ pub struct TimeArgs {
     #[arg(long, value_name = "A..B", conflicts_with = "time")]
     pub frames: Option<FrameRange>,
     /// Frames per second of the animation
-    #[arg(long, value_name = "F", default_value_t = 30.0, allow_negative_numbers = true, value_parser = frames_per_second, requires = "frames")]
+    #[arg(long, value_name = "F", default_value_t = 30.0, allow_negative_numbers = true, value_parser = frames_per_second, requires = "frames", conflicts_with = "time")]
     pub fps: f64,
     /// The animation's moment at this many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
@@ -341,7 +341,7 @@ pub struct BenchArgs {
     #[arg(long, conflicts_with_all = ["suite", "view"])]
     pub camera_path: bool,
     /// Frames per second along the camera's path
-    #[arg(long, value_name = "F", default_value_t = 60.0, allow_negative_numbers = true, value_parser = frames_per_second, requires = "camera_path")]
+    #[arg(long, value_name = "F", default_value_t = 60.0, allow_negative_numbers = true, value_parser = frames_per_second, requires = "camera_path", conflicts_with_all = ["suite", "view"])]
     pub fps: f64,
     /// The folder for a suite's pictures and table [default: bench], or a plot (.svg) of the times along the camera's path
     #[arg(short, long, value_name = "FOLDER|FILE")]
@@ -370,7 +370,7 @@ pub struct DiffArgs {
     #[arg(long, conflicts_with_all = ["minus_a", "minus_b", "heat"])]
     pub sequence: bool,
     /// Leave the frames before the one of this number out of what is told over all frames
-    #[arg(long, value_name = "N", requires = "sequence")]
+    #[arg(long, value_name = "N", requires = "sequence", conflicts_with_all = ["minus_a", "minus_b", "heat"])]
     pub from: Option<u64>,
     /// Leave out the pixels where this image is above 0; of a sequence, this image or the one of the frame's number in
     /// this folder

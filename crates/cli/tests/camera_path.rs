@@ -82,6 +82,7 @@ fn a_camera_that_rests_has_no_path() {
         assert_fails(&bench(&[&[scene, "--camera-path"], flags].concat()), 2, words);
     }
     assert_fails(&bench(&[&moving, "--fps", "30"]), 2, &["--camera-path"]);
+    assert_fails(&bench(&[&moving, "--fps", "30", "--suite", "reference"]), 2, &["--fps"]);
     assert_fails(&bench(&[&moving, "-o", "plot.svg"]), 2, &["plot.svg", "--camera-path"]);
     assert_fails(&bench(&[&moving, "--camera-path", "--camera", "none"]), 1, &["none", "“ride”"]);
     assert_fails(&bench(&["missing.glb", "--camera-path"]), 1, &["missing.glb"]);

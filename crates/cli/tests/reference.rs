@@ -432,6 +432,7 @@ fn frames_that_are_none_are_wrong_usage() {
         &["--frames", "0..2", "--fps", "nan"],
         &["--frames", "0..2", "--fps", "1e-300"],
         &["--fps", "24"],
+        &["--fps", "24", "--time", "1"],
     ] {
         let output = trace(&folder, &[&["builtin:cornell"], flags].concat());
         assert_eq!(output.status.code(), Some(2), "{flags:?}: {}", text(&output.stderr));

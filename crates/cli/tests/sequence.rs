@@ -240,6 +240,7 @@ fn flags_that_do_not_go_with_sequences_are_wrong_usage() {
         assert_fails(&chiaro(&[&["diff", "a", "b"], flags].concat()), 2, words);
     };
     wrong(&["--from", "3"], &["--sequence"]);
+    wrong(&["--from", "3", "--minus-a", "c"], &["--from"]);
     wrong(&["--sequence", "--minus-a", "c"], &["--minus-a"]);
     wrong(&["--sequence", "--minus-b", "c"], &["--minus-b"]);
     wrong(&["--sequence", "-o", "heat.png"], &["heat.png", ".svg"]);
