@@ -12,7 +12,7 @@ use crate::args::BenchArgs;
 use crate::measure::{Measured, WARM_UP, measure};
 use crate::output::{WrongUsage, bar, create_parent, print};
 use crate::plot::{self, Curve, Panel};
-use crate::session::{Session, settings, warn_of_idle};
+use crate::session::{Session, warn_of_idle};
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, Tail, rows, summarise_tails};
 use crate::values::extension;
 
@@ -48,7 +48,6 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
     if let Some(path) = args.output.as_ref().filter(|path| extension(path) != "svg") {
         bail!(WrongUsage(format!("-o {}: the plot of a path is an .svg", path.display())));
     }
-    settings(&args.settings)?;
     warn_of_idle(&args.settings)?;
     let mut session = Session::open(&args.scene, &args.settings)?;
     let frames = frames(&session, args.fps)?;
@@ -199,4 +198,26 @@ fn panel(
         curves.push(curve(&pass.name, &of));
     }
     Panel { title, x: "s", low: Some(0.0), curves, notes }
+}
+
+#[cfg(test)]
+mod tests {
+    use chiaro::scene::{Animation, Channel, Interpolation, Keys};
+
+    use super::*;
+
+    #[test]
+    fn an_animation_that_leaves_a_camera_where_it_is_does_not_move_it() {
+        let mut scene = Scene::default();
+        scene.add_default_view();
+        let node = scene.nodes.iter().position(|node| node.camera.is_some()).unwrap();
+        assert!(moving(&scene).is_empty());
+        for (to, expected) in [([0.0; 3], &[][..]), ([1.0, 0.0, 0.0], &[0])] {
+            let keys = Keys::Translation(vec![[0.0; 3].into(), to.into()]);
+            let channel =
+                Channel { node, times_s: vec![0.0, 2.0], interpolation: Interpolation::Linear, keys };
+            scene.animations = vec![Animation { name: String::new(), channels: vec![channel] }];
+            assert_eq!(moving(&scene), expected);
+        }
+    }
 }

@@ -113,7 +113,9 @@ impl Video {
         let mut name = path.file_name().unwrap_or_default().to_owned();
         name.push(format!(".{}.part", std::process::id()));
         let part = path.with_file_name(name);
-        let interrupt = Interrupt::listen(format!("ending {} with the frames so far", path.display()))?;
+        let (to, from) = (path.display(), part.display());
+        let interrupt =
+            Interrupt::listen(format!("ending {to} with the frames so far, until then in {from}"))?;
         // Whatever the file is called, it is neither a flag nor an address.
         let mut address = std::ffi::OsString::from("file:");
         address.push(&part);
