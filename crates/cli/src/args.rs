@@ -6,8 +6,9 @@ use chiaro::scene::HeightMap;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::values::{
-    FrameRange, GroundSize, Setting, Size, View, blur_px, frames_per_second, image_output, picture_output,
-    positive, radiance_output, seconds, share, some_seconds, terrain_metres, terrain_vertices, values_of,
+    FrameRange, GroundSize, Setting, Size, View, blur_px, chart_output, frames_per_second, positive,
+    radiance_output, render_output, seconds, share, some_seconds, terrain_metres, terrain_vertices,
+    values_of,
 };
 
 /// Real-time shadows, indirect light and caustics, measured against path-traced truth
@@ -29,14 +30,20 @@ pub struct Cli {
 /// What `chiaro` can do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Render a scene to an image, or an animation to numbered images
+    /// Render a scene to an image, or an animation to numbered images or a video
     #[command(after_help = "\
 Examples:
   chiaro render builtin:nave --size 1280x720 --samples 16 -o nave.png
   chiaro render room.glb --camera 1 --set shadow.filter=pcss -o room.exr --aov direct --aov normal
   chiaro render room.glb --aov list
   chiaro render fountain.glb --frames 0..240 --fps 24 -o frames/fountain.png
+  chiaro render builtin:flight --frames 0..576 --fps 24 -o flight.mp4
   chiaro render --height-map canyon.png --size-m 400,300 --height-m 60 -o canyon.png
+
+Frames are written to numbered images: frames/fountain.0000.png, frames/fountain.0001.png, … They
+become a video (.mp4: H.264, .webp: an animated WebP that repeats) where the program ffmpeg is on the
+PATH, which gets them through a pipe. Ctrl-C ends a video with the frames that it has. AOVs of a video
+are numbered EXR files beside it.
 
 An EXR holds scene radiance in nits. Unlit materials (KHR_materials_unlit) have none: a PNG shows base
 colour 1 as white whatever the light and the exposure, and an EXR holds it as 1 nit.")]
@@ -56,6 +63,7 @@ Examples:
   chiaro reference room.glb --camera 1 --max-depth 3 --spp 64 -o room.bounce1.exr
   chiaro reference room.glb --target-error 0.5% --time-limit 3600 --resume -o room.exr
   chiaro reference builtin:pool --integrator full --spp 256 -o pool.exr
+  chiaro reference builtin:dancer --frames 0..192 --fps 24 --spp 256 -o truth/dancer.exr
 
 The goal that comes first ends the render. Ctrl-C stops it, too, and nothing is lost: the file holds
 all samples so far (and is written about every minute), and --resume goes on from it. Beside the
@@ -64,7 +72,11 @@ and the sums to go on from.
 
 Paths from the camera alone find no light of lamps without extent that mirrors or smooth glass send
 on to a surface (caustics): --integrator full adds them by paths from the lights, four samples at a
-time on a GPU, so that N is rounded up. What moves stands still while it is traced.")]
+time on a GPU, so that N is rounded up. What moves stands still while it is traced.
+
+--frames traces moments of an animation to numbered images, truth/dancer.0000.exr and so on, each the
+same as one of its --time: --spp, --time-limit and --target-error are each image's. --resume keeps
+those that are done and goes on with the one that was begun.")]
     Reference(ReferenceArgs),
     /// Measure how long each pass of a frame takes on this machine
     #[command(after_help = "\
@@ -72,10 +84,15 @@ Examples:
   chiaro bench builtin:nave --frames 200
   chiaro bench --suite shadows --frames 1000 -o shadows/ --json shadows.json
   chiaro bench room.glb --suite reference --size 1920x1080
+  chiaro bench builtin:flight --camera-path -o flight.svg --json flight.json
 
 The suite reference tells rays, paths and light paths a second. The suite shadows renders
 builtin:terrain unless a scene is named, writes a picture of every combination and table.md to the
-folder of -o, and measures with 2048x2048 maps rendered every frame.")]
+folder of -o, and measures with 2048x2048 maps rendered every frame.
+
+--camera-path follows a camera that moves through the whole animation once, 60 frames a second, and
+tells the median, the 99th percentile and the maximum of each pass and of the whole frame; -o draws
+every frame's time.")]
     Bench(BenchArgs),
     /// Measure how far image A is from the reference image B
     #[command(after_help = "\
@@ -83,6 +100,7 @@ Examples:
   chiaro diff render.exr reference.exr -o heat.png
   chiaro diff full.exr ref.exr --minus-a direct.exr --minus-b ref.direct.exr --blur 2
   chiaro diff caustic.exr reference.exr --mask glass.mask.exr --json
+  chiaro diff --sequence frames/ truth/ --from 4 -o plot.svg
 
 mean ratio  sum A / sum B; 1 is the same energy
 nmae        mean |A-B| / mean B
@@ -96,7 +114,13 @@ hdr flip    mean HDR-FLIP: in each pixel the largest FLIP of the exposures that 
 Of EXR crops (a data window smaller than the display window) the pixels count that all files hold.
 
 The picture of -o has its own scale: of |A-B| from 1 % (black) to 1000 % (white) of B's mean, of FLIP
-from 0 to 1; masked pixels are grey, pixels where A is not finite green.")]
+from 0 to 1; masked pixels are grey, pixels where A is not finite green.
+
+--sequence takes folders of numbered EXR (a.0007.exr; AOVs beside them are left alone), matches them by
+their numbers, and tells mean ratio, nmae, relmse and flip of every frame and over all, and
+
+flicker     mean |dA-dB| / mean B, where d is a value's change from one frame to the next; 0 changes
+            as the reference does, however far off it is")]
     Diff(DiffArgs),
     /// List the built-in scenes
     #[command(after_help = "Example:\n  chiaro scenes")]
@@ -182,6 +206,20 @@ pub struct SettingsArgs {
     pub pipeline: Option<String>,
 }
 
+/// Which moments of an animation are shown.
+#[derive(Clone, Debug, Args)]
+pub struct TimeArgs {
+    /// The frames A, A+1, … B-1 of the animation, to numbered images
+    #[arg(long, value_name = "A..B", conflicts_with = "time")]
+    pub frames: Option<FrameRange>,
+    /// Frames per second of the animation
+    #[arg(long, value_name = "F", default_value_t = 30.0, allow_negative_numbers = true, value_parser = frames_per_second, requires = "frames", conflicts_with = "time")]
+    pub fps: f64,
+    /// The animation's moment at this many seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
+    pub time: f64,
+}
+
 /// `chiaro render`
 #[derive(Debug, Args)]
 pub struct RenderArgs {
@@ -191,22 +229,16 @@ pub struct RenderArgs {
     /// The settings
     #[command(flatten)]
     pub settings: SettingsArgs,
-    /// The image to write: .png as seen on a screen, .exr as scene radiance in nits
-    #[arg(short, long, value_name = "FILE", default_value = "out.png", value_parser = image_output)]
+    /// The image to write: .png as seen on a screen, .exr as scene radiance in nits; of --frames also .mp4 or .webp, a video
+    #[arg(short, long, value_name = "FILE", default_value = "out.png", value_parser = render_output)]
     pub output: PathBuf,
     /// Frames to average, each with its own sub-pixel offset: edges become smooth, nothing else changes [default: 16; with
     /// --frames 1, smoothed over time as post.antialias says, where it says taa]
     #[arg(long, value_name = "N", value_parser = positive)]
     pub samples: Option<u32>,
-    /// Render the frames A, A+1, … B-1 of the animation to numbered images
-    #[arg(long, value_name = "A..B", conflicts_with = "time")]
-    pub frames: Option<FrameRange>,
-    /// Frames per second of the animation
-    #[arg(long, value_name = "F", default_value_t = 30.0, allow_negative_numbers = true, value_parser = frames_per_second, requires = "frames")]
-    pub fps: f64,
-    /// Render the animation's moment at this many seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
-    pub time: f64,
+    /// The moments
+    #[command(flatten)]
+    pub time: TimeArgs,
     /// Also write a part of the frame (direct, indirect, normal, depth, …) to STEM.NAME.exr, or any texture or buffer of it
     /// (shadow/shadow_maps, …) to STEM.shadow.shadow_maps.exr, a file for each layer, in its own size and as the last sample
     /// left it; may be given many times. `list` prints all names that these settings have
@@ -243,13 +275,14 @@ pub struct ReferenceArgs {
     /// Samples per pixel, those resumed from included: four times as many halve the noise [default: 64; without limit where --time-limit or --target-error is given]
     #[arg(long, value_name = "N", value_parser = positive)]
     pub spp: Option<u32>,
-    /// Stop after so many seconds of tracing
+    /// Stop after so many seconds of tracing, each image of --frames by itself
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = some_seconds)]
     pub time_limit: Option<f64>,
     /// Stop once a pixel's estimated standard error, averaged over the image, is this share of the image's mean: 0.01 or 1%
     #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = share)]
     pub target_error: Option<f64>,
-    /// Go on from the output file where there is one; the image is, bit for bit, that of a render without a break
+    /// Go on from the output file where there is one, or from the numbered images of --frames; the image is, bit for bit,
+    /// that of a render without a break
     #[arg(long)]
     pub resume: bool,
     /// Which paths of light are traced
@@ -262,9 +295,9 @@ pub struct ReferenceArgs {
     /// direct light and caustics [default: no limit]
     #[arg(long, value_name = "N")]
     pub diffuse_bounces: Option<u32>,
-    /// Show the animation's moment at this many seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
-    pub time: f64,
+    /// The moments
+    #[command(flatten)]
+    pub time: TimeArgs,
     /// What all random choices start from; the same seed gives the same image
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
@@ -297,7 +330,7 @@ pub struct BenchArgs {
     #[command(flatten)]
     pub settings: SettingsArgs,
     /// Frames to measure, after the warm-up
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = positive)]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = positive, conflicts_with = "camera_path")]
     pub frames: u32,
     /// Write the measurements, with the adapter and driver, to this file
     #[arg(long, value_name = "FILE")]
@@ -305,9 +338,15 @@ pub struct BenchArgs {
     /// Measure a group of techniques side by side instead of one frame
     #[arg(long)]
     pub suite: Option<Suite>,
-    /// The folder for a suite's pictures and table
-    #[arg(short, long, value_name = "FOLDER", default_value = "bench", requires = "suite")]
-    pub output: PathBuf,
+    /// Measure every frame of the animation as its camera sees it, from its beginning to its end; the camera has to move
+    #[arg(long, conflicts_with_all = ["suite", "view"])]
+    pub camera_path: bool,
+    /// Frames per second along the camera's path
+    #[arg(long, value_name = "F", default_value_t = 60.0, allow_negative_numbers = true, value_parser = frames_per_second, requires = "camera_path", conflicts_with_all = ["suite", "view"])]
+    pub fps: f64,
+    /// The folder for a suite's pictures and table [default: bench], or a plot (.svg) of the times along the camera's path
+    #[arg(short, long, value_name = "FOLDER|FILE")]
+    pub output: Option<PathBuf>,
 }
 
 /// A group of techniques that `chiaro bench` holds side by side.
@@ -322,13 +361,20 @@ pub enum Suite {
 /// `chiaro diff`
 #[derive(Debug, Args)]
 pub struct DiffArgs {
-    /// The image to judge (EXR, Radiance HDR or PNG)
+    /// The image to judge (EXR, Radiance HDR or PNG), or the folder of a sequence
     #[arg(value_name = "A")]
     pub a: PathBuf,
     /// The reference to hold it against
     #[arg(value_name = "B")]
     pub b: PathBuf,
-    /// Leave out the pixels where this image is above 0
+    /// Compare two folders of numbered EXR images frame by frame, and how they change from one frame to the next
+    #[arg(long, conflicts_with_all = ["minus_a", "minus_b", "heat"])]
+    pub sequence: bool,
+    /// Leave the frames before the one of this number out of what is told over all frames
+    #[arg(long, value_name = "N", requires = "sequence", conflicts_with_all = ["minus_a", "minus_b", "heat"])]
+    pub from: Option<u64>,
+    /// Leave out the pixels where this image is above 0; of a sequence, this image or the one of the frame's number in
+    /// this folder
     #[arg(long, value_name = "FILE")]
     pub mask: Option<PathBuf>,
     /// Subtract this image from A first, to compare one part of the light
@@ -343,8 +389,8 @@ pub struct DiffArgs {
     /// Print one line of JSON instead of a table
     #[arg(long)]
     pub json: bool,
-    /// Write a picture of the difference in false colours
-    #[arg(short, long, value_name = "FILE", value_parser = picture_output)]
+    /// Write a picture of the difference in false colours (.png), or of a sequence a plot over its frames (.svg)
+    #[arg(short, long, value_name = "FILE", value_parser = chart_output)]
     pub output: Option<PathBuf>,
     /// What that picture shows
     #[arg(long, default_value = "error", requires = "output")]

@@ -1,15 +1,15 @@
 //! `chiaro bench`: GPU time of every pass, median and spread over frames.
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use chiaro::Settings;
 use serde::Serialize;
 
 use crate::args::{BenchArgs, Suite};
-use crate::measure::{Measured, STEADY_FROM, measure};
-use crate::output::print;
+use crate::measure::{Measured, STEADY_FROM, at_sixty, measure};
+use crate::output::{WrongUsage, print};
 use crate::session::{Session, warn_of_idle};
-use crate::suite;
-use crate::timings::{Machine, NO_TIMESTAMPS, Summary, table};
+use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
+use crate::{camera_path, suite};
 
 #[derive(Serialize)]
 struct Report<'a> {
@@ -28,16 +28,24 @@ struct Report<'a> {
 
 pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
     match args.suite {
+        None if args.camera_path => return camera_path::run(args),
         None => {}
         Some(Suite::Shadows) => return suite::shadows::run(args),
         Some(Suite::Reference) => return suite::reference::run(args),
     }
+    if let Some(path) = &args.output {
+        let path = path.display();
+        bail!(WrongUsage(format!(
+            "-o {path}: needs --suite or --camera-path; --json writes the measurements"
+        )));
+    }
     warn_of_idle(&args.settings)?;
     let mut session = Session::open(&args.scene, &args.settings)?;
-    let measured = measure(&mut session, args.frames, || ())?;
+    let measured = measure(&mut session, args.frames, at_sixty, || ())?;
     session.tell_notes();
-    let Measured { wall_ms_per_frame, objects_created_after_frame_3, memory_growth_bytes, timings: summary } =
+    let Measured { wall_ms_per_frame, objects_created_after_frame_3, memory_growth_bytes, timings } =
         measured;
+    let summary = summarise(&timings);
     let gpu = session.gpu.clone();
     let machine = Machine::of(&gpu);
     match &summary {

@@ -1,14 +1,32 @@
 //! `chiaro diff`: image A against the reference B.
 
+mod folder;
+mod sequence;
+
 use std::fmt::Write;
 use std::path::Path;
 
+use anyhow::bail;
 use chiaro_image::{CompareOptions, Comparison, Image, Metrics, read, write_png};
 
 use crate::args::DiffArgs;
-use crate::output::{print, print_json};
+use crate::output::{WrongUsage, print, print_json};
+use crate::values::extension;
 
 pub fn run(args: &DiffArgs) -> anyhow::Result<()> {
+    if let Some(path) = &args.output {
+        let (of, wanted) = if args.sequence { ("a sequence", "svg") } else { ("one image", "png") };
+        if extension(path) != wanted {
+            bail!(WrongUsage(format!("-o {}: what is drawn of {of} is a .{wanted}", path.display())));
+        }
+    }
+    if args.sequence {
+        return sequence::run(args);
+    }
+    if let Some(folder) = [&args.a, &args.b].into_iter().find(|path| path.is_dir()) {
+        let folder = folder.display();
+        bail!(WrongUsage(format!("{folder} is a folder; --sequence compares folders of numbered images")));
+    }
     let optional =
         |path: &Option<_>| -> anyhow::Result<Option<Image>> { Ok(path.as_ref().map(read).transpose()?) };
     let (a, b) = (read(&args.a)?, read(&args.b)?);

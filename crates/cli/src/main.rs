@@ -4,11 +4,15 @@
 
 mod args;
 mod bench;
+mod camera_path;
 mod diff;
+mod frames;
 mod info;
+mod interrupt;
 mod left;
 mod measure;
 mod output;
+mod plot;
 mod reference;
 mod render;
 mod session;

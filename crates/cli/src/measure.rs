@@ -1,12 +1,11 @@
 //! What frames take: time, objects made, memory.
 
-use chiaro::Recorder;
+use chiaro::{FrameTimings, Recorder};
 
 use crate::session::Session;
-use crate::timings::{Summary, summarise};
 
 /// Frames before measuring: shaders warm, clocks up, pools filled.
-const WARM_UP: u32 = 20;
+pub const WARM_UP: u32 = 20;
 /// From this frame on nothing may be created.
 pub const STEADY_FROM: u32 = 3;
 
@@ -15,11 +14,23 @@ pub struct Measured {
     pub wall_ms_per_frame: f64,
     pub objects_created_after_frame_3: u64,
     pub memory_growth_bytes: i64,
-    pub timings: Option<Summary>,
+    /// GPU times of each frame; of none where the adapter has no timestamps.
+    pub timings: Vec<FrameTimings>,
 }
 
-/// Renders and times frames, one at a time. `tick` is called after each.
-pub fn measure(session: &mut Session, frames: u32, tick: impl Fn()) -> anyhow::Result<Measured> {
+/// Where what moves is, at sixty frames a second.
+pub fn at_sixty(index: u32) -> f64 {
+    f64::from(index) / 60.0
+}
+
+/// Renders and times frames, one at a time, after a warm-up: `time_s` tells the moment of each, those of the warm-up
+/// counted. `tick` is called after each.
+pub fn measure(
+    session: &mut Session,
+    frames: u32,
+    time_s: impl Fn(u32) -> f64,
+    tick: impl Fn(),
+) -> anyhow::Result<Measured> {
     let mut recorder = Recorder::new(&session.gpu, true);
     let gpu = session.gpu.clone();
     let mut state = chiaro::ViewState::new(&session.renderer);
@@ -32,9 +43,8 @@ pub fn measure(session: &mut Session, frames: u32, tick: impl Fn()) -> anyhow::R
             recorder.take_timings();
             start = std::time::Instant::now();
         }
-        // What moves, moves: at sixty frames a second.
         if session.duration_s().is_some() {
-            session.go_to(f64::from(index) / 60.0)?;
+            session.go_to(time_s(index))?;
         }
         let Session { renderer, scene, view, size, .. } = &mut *session;
         let prepared = renderer.prepare(&mut state, scene, view, *size, chiaro::Sampling::Moving)?;
@@ -58,7 +68,7 @@ pub fn measure(session: &mut Session, frames: u32, tick: impl Fn()) -> anyhow::R
         wall_ms_per_frame,
         objects_created_after_frame_3: gpu.created.total() - created,
         memory_growth_bytes: memory(&gpu) - bytes,
-        timings: summarise(&timings),
+        timings,
     })
 }
 

@@ -1,7 +1,10 @@
 //! Standard output: text for people, JSON for scripts.
 
 use std::io::{ErrorKind, Write, stdout};
+use std::path::Path;
 
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 /// Prints `text` as it is.
@@ -17,6 +20,25 @@ pub fn print(text: &str) -> anyhow::Result<()> {
 /// Prints one line of JSON.
 pub fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
     print(&(serde_json::to_string(value)? + "\n"))
+}
+
+/// A progress bar on standard error: hidden by itself where there is no terminal, and for work that is done before anyone
+/// could read it.
+pub fn bar(steps: u64, template: &str) -> ProgressBar {
+    let bar = ProgressBar::new(steps);
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// Makes the folder of a file that is to be written.
+pub fn create_parent(path: &Path) -> anyhow::Result<()> {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    parent.map_or(Ok(()), |parent| {
+        std::fs::create_dir_all(parent)
+            .with_context(|| format!("cannot create the folder {}", parent.display()))
+    })
 }
 
 /// An error with its causes, on one line. A cause that the error's own words already hold is not said twice.

@@ -3,16 +3,16 @@
 mod file;
 mod progress;
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
-use chiaro::{Integrator, Recorder, Reference, ReferenceOptions};
+use anyhow::bail;
+use chiaro::{FirstHit, Integrator, Recorder, Reference, ReferenceOptions};
 
 use crate::args::{self, ReferenceArgs, SettingsArgs};
+use crate::frames::{self, Moment};
+use crate::interrupt::Interrupt;
 use crate::output::print;
-use crate::session::Session;
+use crate::session::{Session, Tracing};
 use crate::values::Setting;
 use file::Sums;
 use progress::Progress;
@@ -34,12 +34,75 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
         eprintln!("warning: --set {key} does nothing in a reference, which has no techniques");
     }
     let mut session = Session::open_to_trace(&args.scene, &settings)?;
-    if session.duration_s().is_none() && args.time != 0.0 {
-        eprintln!("note: nothing moves in this scene");
+    if session.duration_s().is_none() && (args.time.frames.is_some() || args.time.time != 0.0) {
+        eprintln!("note: nothing in this scene moves; every moment looks the same");
     }
-    session.go_to(args.time)?;
-    let Session { gpu, renderer, scene, view, size, source, .. } = &session;
-    let options = ReferenceOptions {
+    let mut tracer: Option<Tracer> = None;
+    for (done, moment) in (0..).zip(frames::moments(&args.time)) {
+        session.go_to(moment.time_s)?;
+        let tracer = match &mut tracer {
+            Some(tracer) => {
+                tracer.follow(args, (done, moment), &session)?;
+                tracer
+            }
+            none => none.insert(Tracer::new(args, &session, &first_hits)?),
+        };
+        trace(args, (done, moment), &session, tracer)?;
+    }
+    Ok(())
+}
+
+/// What one image leaves to the next.
+struct Tracer {
+    reference: Reference,
+    recorder: Recorder,
+    /// What a dispatch takes.
+    work: u64,
+    interrupt: Interrupt,
+}
+
+impl Tracer {
+    fn new(
+        args: &ReferenceArgs,
+        session: &Session<Tracing>,
+        first_hits: &[FirstHit],
+    ) -> anyhow::Result<Self> {
+        let Session { gpu, renderer, scene, view, size, source, .. } = session;
+        let image = (view, *size);
+        let mut reference =
+            Reference::new(renderer.kit(), (source, scene), renderer.settings(), image, options(args))?;
+        if !first_hits.is_empty() {
+            reference.observe(scene.gpu.facts, first_hits)?;
+        }
+        let recorder = Recorder::new(gpu, false);
+        let interrupt = Interrupt::listen("writing what there is".to_owned())?;
+        Ok(Self { reference, recorder, work: FIRST_WORK[usize::from(gpu.is_software())], interrupt })
+    }
+
+    /// Goes on to the next image, with trees that follow.
+    fn follow(
+        &mut self,
+        args: &ReferenceArgs,
+        (done, moment): (u64, Moment),
+        session: &Session<Tracing>,
+    ) -> anyhow::Result<()> {
+        if self.interrupt.heard() {
+            let (all, next) = (frames::count(&args.time), moment.path(&args.output));
+            let next = next.display();
+            bail!(
+                "interrupted: {done} of {all} images are done; the same command with --resume goes on with {next}"
+            );
+        }
+        let Session { renderer, scene, view, size, source, .. } = session;
+        let scenes = (source, scene);
+        self.reference.follow(scenes, renderer.settings(), (view, *size))?;
+        self.reference.renew(&mut self.recorder, scenes)?;
+        Ok(())
+    }
+}
+
+fn options(args: &ReferenceArgs) -> ReferenceOptions {
+    ReferenceOptions {
         integrator: match args.integrator {
             args::Integrator::Path => Integrator::Path,
             args::Integrator::Photon => Integrator::Photon,
@@ -48,63 +111,80 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
         max_depth: args.max_depth,
         diffuse_bounces: args.diffuse_bounces.unwrap_or(u32::MAX),
         seed: args.seed,
-    };
-    let scenes = (source, scene);
-    let mut reference = Reference::new(renderer.kit(), scenes, renderer.settings(), (view, *size), options)?;
-    if !first_hits.is_empty() {
-        reference.observe(scene.gpu.facts, &first_hits)?;
     }
-    let about = file::about(args, &session, &reference);
-    if args.resume && args.output.exists() {
-        file::resume(&args.output, &about, *size, &mut reference)?;
-    }
-    let interrupted = on_interrupt()?;
+}
+
+/// Traces one image to its end and writes it.
+fn trace(
+    args: &ReferenceArgs,
+    (done, moment): (u64, Moment),
+    session: &Session<Tracing>,
+    tracer: &mut Tracer,
+) -> anyhow::Result<()> {
+    let Tracer { reference, recorder, work, interrupt } = tracer;
+    let Session { gpu, scene, size, .. } = session;
+    let output = moment.path(&args.output);
+    let mut about = file::about(args, moment.time_s, session, reference);
+    let resumed = args.resume && output.exists();
+    let timed_out = if resumed { file::resume(&output, &about, *size, reference)? } else { None };
     let first = reference.samples();
-    let mut recorder = Recorder::new(gpu, false);
-    let mut progress = Progress::new(args, first);
+    let label = moment.number.map_or(String::new(), |number| {
+        format!("frame {number} ({} of {}), ", done + 1, frames::count(&args.time))
+    });
+    // An image of many has had its time; one alone is given more whenever it is asked for.
+    let timed_out = timed_out.filter(|_| moment.number.is_some());
+    let mut progress = Progress::new(args, label, (first, timed_out));
     let (mut saved, mut pause) = (Instant::now(), CHECKPOINT);
     let mut tracing = Duration::ZERO;
-    let mut work = FIRST_WORK[usize::from(gpu.is_software())];
     loop {
         let samples = reference.samples();
         if progress.wants_noise(samples) {
-            progress.set_noise(samples, Sums::read(gpu, &reference)?.noise()?);
+            progress.set_noise(samples, Sums::read(gpu, reference)?.noise()?);
         }
         progress.show(samples);
-        if progress.is_done(samples) || (samples > 0 && interrupted.load(Ordering::Relaxed)) {
+        if progress.is_done(samples) || (samples > 0 && interrupt.heard()) {
             break;
         }
         if saved.elapsed() >= pause {
             let begun = Instant::now();
-            Sums::read(gpu, &reference)?.write(&args.output, &about)?;
+            Sums::read(gpu, reference)?.write(&output, &about)?;
             (saved, pause) = (Instant::now(), CHECKPOINT.max(WRITING * begun.elapsed()));
         }
         let begun = Instant::now();
         let mut frame = recorder.begin();
-        let recorded = reference.refine(&mut frame, scene, work, samples + progress.room(samples));
+        let recorded = reference.refine(&mut frame, scene, *work, samples + progress.room(samples));
         frame.submit();
         recorder.wait()?;
         tracing += begun.elapsed();
-        if begun.elapsed() < BUSY / 2 && recorded >= work / 2 {
-            work = work.saturating_mul(2);
+        if begun.elapsed() < BUSY / 2 && recorded >= *work / 2 {
+            *work = work.saturating_mul(2);
         } else if begun.elapsed() > 2 * BUSY {
-            work = (work / 2).max(LEAST_WORK);
+            *work = (*work / 2).max(LEAST_WORK);
         }
     }
     progress.finish();
-    let sums = Sums::read(gpu, &reference)?;
-    sums.write(&args.output, &about)?;
-    for name in &args.aovs {
-        sums.write_aov(&args.output, name)?;
-    }
     let samples = reference.samples();
-    let path = args.output.display();
-    if interrupted.load(Ordering::Relaxed) && !progress.is_done(samples) {
+    let sums = Sums::read(gpu, reference)?;
+    if let Some(limit) = progress.time_was_up(samples) {
+        file::set_timed_out(&mut about, limit);
+    }
+    // Of a sequence gone on with, images that are done stay as they are.
+    let is_kept = resumed && samples == first && file::has_aovs(&output, &args.aovs);
+    if !is_kept {
+        sums.write(&output, &about)?;
+        for name in &args.aovs {
+            sums.write_aov(&output, name)?;
+        }
+    }
+    let path = output.display();
+    if interrupt.heard() && !progress.is_done(samples) {
         bail!("interrupted: {path} holds {samples} samples a pixel; the same command with --resume goes on");
     }
     let took = tracing.as_secs_f64();
-    let each =
-        if options.integrator == Integrator::Photon { reference.light_paths() } else { size[0] * size[1] };
+    let each = match args.integrator {
+        args::Integrator::Photon => reference.light_paths(),
+        _ => size[0] * size[1],
+    };
     let paths = f64::from(each) * f64::from(samples - first);
     let speed = if samples > first {
         format!("{took:.1} s, {:.2} million paths/s, ", paths / took * 1e-6)
@@ -112,19 +192,4 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
         "nothing to add, ".to_owned()
     };
     print(&format!("{path}  {samples} spp, {speed}noise {:.2} %\n", 100.0 * sums.noise()?))
-}
-
-/// Hears Ctrl-C from now on: the first time to finish what is being done, the second to leave at once.
-fn on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
-    let heard = Arc::new(AtomicBool::new(false));
-    let flag = heard.clone();
-    ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            // 128 and the signal's number, as shells have it.
-            std::process::exit(130);
-        }
-        eprintln!("\nwriting what there is; once more leaves at once");
-    })
-    .context("cannot listen for Ctrl-C")?;
-    Ok(heard)
 }

@@ -1,19 +1,22 @@
 //! `chiaro render`
 
+mod video;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use chiaro::techniques::post::Smoothing;
-use chiaro::{Aov, Pixels, Recorder, Still, StillOptions};
+use chiaro::{Aov, Gpu, LeftOver, Pixels, Readback, Recorder, Still, StillOptions};
 use chiaro_image::{Image, Picture, Precision, write_exr, write_png};
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::args::RenderArgs;
-use crate::left;
-use crate::output::print;
+use crate::output::{bar, create_parent, print};
 use crate::session::{Session, settings, warn_of_idle};
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
+use crate::values::extension;
+use crate::{frames, left};
+use video::{Format, Video};
 
 #[derive(Serialize)]
 struct TimingsFile<'a> {
@@ -29,9 +32,10 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
         return left::list(&mut Session::open(&args.scene, &args.settings)?);
     }
     let (aovs, left) = left::names(&args.aovs)?;
+    let format = Format::of(args)?;
     warn_of_idle(&args.settings)?;
     let mut settings = settings(&args.settings)?;
-    let moving = args.frames.is_some();
+    let moving = args.time.frames.is_some();
     let samples = args.samples.unwrap_or(if moving && settings.smooths() { 1 } else { 16 });
     if !moving || samples > 1 {
         // Samples are averaged, not frames.
@@ -40,27 +44,41 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
     let mut session = Session::open_as(&args.scene, settings)?;
     let options = StillOptions { size: session.size, samples, aovs, moving, left };
     let mut recorder = Recorder::new(&session.gpu, true);
-    let frames: Vec<_> =
-        args.frames.as_ref().map_or(vec![None], |range| (range.start..range.end).map(Some).collect());
-    if session.duration_s().is_none() && (args.frames.is_some() || args.time != 0.0) {
+    if session.duration_s().is_none() && (args.time.frames.is_some() || args.time.time != 0.0) {
         eprintln!("note: nothing in this scene moves; every moment looks the same");
     }
-    let bar = progress(frames.len() as u64 * u64::from(samples));
-    for number in &frames {
-        session.go_to(number.map_or(args.time, |number| f64::from(number) / args.fps))?;
+    let template = "rendering {bar:40} {pos}/{len} samples, {eta} left";
+    let bar = bar(frames::count(&args.time) * u64::from(samples), template);
+    let begin = |format| Video::begin(format, &args.output, session.size, args.time.fps);
+    let mut video = format.map(begin).transpose()?;
+    let mut written = Vec::new();
+    for moment in frames::moments(&args.time) {
+        session.go_to(moment.time_s)?;
         session.renderer.equip(&session.source, &mut session.scene)?;
         let still = {
             let Session { renderer, scene, view, .. } = &mut session;
             renderer.still_in(&mut recorder, scene, view, &options, |_| bar.inc(1))?
         };
-        let path = number.map_or(args.output.clone(), |number| numbered(&args.output, number));
-        let beside = write(&session, still, &path)?;
-        if number.is_none() || *number == frames[frames.len() - 1] {
-            bar.finish_and_clear();
-            for path in [path].iter().chain(&beside) {
-                print(&format!("{}\n", path.display()))?;
+        let path = moment.path(&args.output);
+        written = match &mut video {
+            None => write(&session.gpu, still, &path)?,
+            Some(video) => {
+                let gpu = &session.gpu;
+                let beside = write_beside(gpu, (still.aovs, still.left), still.samples, &path)?;
+                video.add(&picture(&still.picture.wait(gpu)?)?)?;
+                [vec![args.output.clone()], beside].concat()
             }
+        };
+        if video.as_ref().is_some_and(Video::interrupted) {
+            break;
         }
+    }
+    bar.finish_and_clear();
+    if let Some(video) = video {
+        video.finish(frames::count(&args.time))?;
+    }
+    for path in &written {
+        print(&format!("{}\n", path.display()))?;
     }
     recorder.wait()?;
     session.tell_notes();
@@ -93,54 +111,43 @@ fn report(
     Ok(())
 }
 
-fn progress(steps: u64) -> ProgressBar {
-    // Hidden by itself where there is no terminal, and for work that is done before anyone could read it.
-    let bar = ProgressBar::new(steps);
-    if let Ok(style) = ProgressStyle::with_template("rendering {bar:40} {pos}/{len} samples, {eta} left") {
-        bar.set_style(style);
-    }
-    bar
-}
-
-/// `frames/a.png` → `frames/a.0007.png`
-fn numbered(path: &Path, number: u32) -> PathBuf {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
-    path.with_extension(format!("{number:04}.{extension}"))
-}
-
-pub fn create_parent(path: &Path) -> anyhow::Result<()> {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    parent.map_or(Ok(()), |parent| {
-        std::fs::create_dir_all(parent)
-            .with_context(|| format!("cannot create the folder {}", parent.display()))
-    })
-}
-
-/// Writes a still, and returns the files beside it that hold what its frames left behind.
-pub fn write(session: &Session, still: Still, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+/// Writes a still, and returns its file and those beside it that hold what its frames left behind.
+pub fn write(gpu: &Gpu, still: Still, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     create_parent(path)?;
-    let gpu = &session.gpu;
-    let samples = still.samples;
-    let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-    if is_exr {
+    if extension(path) == "exr" {
         let mut radiance = still.radiance.wait(gpu)?;
         // An EXR shows the colour of unlit materials, too, as 1 nit for white, as the reference does.
         if let Some(unlit) = still.unlit {
             radiance.add_floats(&unlit.wait(gpu)?);
         }
-        write_exr(path, &mean(&radiance, samples)?, Precision::Float)?;
+        write_exr(path, &mean(&radiance, still.samples)?, Precision::Float)?;
     } else {
-        let picture = still.picture.wait(gpu)?;
-        let rgb = picture.bytes.chunks_exact(4).flat_map(|rgba| [rgba[0], rgba[1], rgba[2]]).collect();
-        write_png(path, &Picture::from_bytes(picture.width, picture.height, rgb)?)?;
+        write_png(path, &picture(&still.picture.wait(gpu)?)?)?;
     }
-    for (aov, readback) in still.aovs {
+    let beside = write_beside(gpu, (still.aovs, still.left), still.samples, path)?;
+    Ok([vec![path.to_owned()], beside].concat())
+}
+
+/// What a screen shows.
+fn picture(pixels: &Pixels) -> anyhow::Result<Picture> {
+    let rgb = pixels.bytes.chunks_exact(4).flat_map(|rgba| [rgba[0], rgba[1], rgba[2]]).collect();
+    Ok(Picture::from_bytes(pixels.width, pixels.height, rgb)?)
+}
+
+/// Writes what was asked for beside a picture, and returns the files that hold what its frames left behind.
+fn write_beside(
+    gpu: &Gpu,
+    (aovs, left): (Vec<(Aov, Readback)>, Vec<LeftOver>),
+    samples: u32,
+    path: &Path,
+) -> anyhow::Result<Vec<PathBuf>> {
+    for (aov, readback) in aovs {
         let name = Aov::ALL.iter().find(|(known, _)| *known == aov).map_or("aov", |(_, name)| name);
         let image = mean(&readback.wait(gpu)?, samples)?;
         write_exr(path.with_extension(format!("{name}.exr")), &image, Precision::Float)?;
     }
     let mut beside = Vec::new();
-    for left in still.left {
+    for left in left {
         beside.extend(left::write(gpu, path, left, samples)?);
     }
     Ok(beside)

@@ -128,6 +128,13 @@ impl<R> Session<R> {
         self.source.duration_s()
     }
 
+    /// The scene's camera that looks, by its number and name; none where the view is the user's own.
+    pub fn camera(&self) -> Option<(usize, &str)> {
+        let Eye::Camera(index) = self.eye else { return None };
+        let (camera, _) = *self.source.placed_cameras().get(index)?;
+        Some((index, &self.source.cameras[camera].name))
+    }
+
     /// Moves scene and camera to a moment.
     pub fn go_to(&mut self, time_s: f64) -> anyhow::Result<()> {
         let (pose, view) = settle(&mut self.source, time_s, self.eye)?;

@@ -14,27 +14,39 @@ pub struct Spread {
     pub iqr_ms: f64,
 }
 
+/// A time along a path: what is usual, and how bad it gets.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[expect(clippy::struct_field_names, reason = "units are suffixes")]
+pub struct Tail {
+    /// Milliseconds.
+    pub median_ms: f64,
+    /// 99 of 100 frames take no longer, milliseconds.
+    pub p99_ms: f64,
+    /// Milliseconds.
+    pub max_ms: f64,
+}
+
 /// One pass over all frames; recorded several times a frame, its times are added.
 #[derive(Debug, Clone, Serialize)]
-pub struct PassSpread {
+pub struct PassSpread<T = Spread> {
     pub name: String,
     /// Times recorded in a frame.
     pub count: usize,
     /// Frames that recorded it: fewer than all where its result was kept.
     pub frames: usize,
     #[serde(flatten)]
-    pub time: Spread,
+    pub time: T,
 }
 
 /// GPU times of a run.
 #[derive(Debug, Clone, Serialize)]
-pub struct Summary {
+pub struct Summary<T = Spread> {
     pub frames: usize,
-    pub passes: Vec<PassSpread>,
+    pub passes: Vec<PassSpread<T>>,
     /// From the first pass' begin to the last one's end.
-    pub frame_span: Spread,
+    pub frame_span: T,
     /// Sum of the passes; passes may overlap, so it may exceed the span.
-    pub pass_sum: Spread,
+    pub pass_sum: T,
 }
 
 /// Who measured.
@@ -57,18 +69,39 @@ impl Machine {
     }
 }
 
-fn spread(mut times: Vec<f64>) -> Spread {
-    times.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let place = share * (times.len().max(1) - 1) as f64;
-        let (low, high) = (place.floor() as usize, place.ceil() as usize);
-        times.get(low).zip(times.get(high)).map_or(0.0, |(a, b)| a + (b - a) * place.fract())
-    };
+/// The time that a share of the times does not exceed, between neighbours by a straight line.
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let place = share * (sorted.len().max(1) - 1) as f64;
+    let (low, high) = (place.floor() as usize, place.ceil() as usize);
+    sorted.get(low).zip(sorted.get(high)).map_or(0.0, |(a, b)| a + (b - a) * place.fract())
+}
+
+fn spread(sorted: &[f64]) -> Spread {
+    let at = |share| quantile(sorted, share);
     Spread { median_ms: at(0.5), iqr_ms: at(0.75) - at(0.25) }
+}
+
+fn tail(sorted: &[f64]) -> Tail {
+    let at = |share| quantile(sorted, share);
+    Tail { median_ms: at(0.5), p99_ms: at(0.99), max_ms: at(1.0) }
 }
 
 /// Medians over frames, passes in recording order; `None` without timings.
 pub fn summarise(frames: &[FrameTimings]) -> Option<Summary> {
+    summary(frames, spread)
+}
+
+/// The same with the slowest frames.
+pub fn summarise_tails(frames: &[FrameTimings]) -> Option<Summary<Tail>> {
+    summary(frames, tail)
+}
+
+/// `of` takes times in their order.
+fn summary<T>(frames: &[FrameTimings], of: fn(&[f64]) -> T) -> Option<Summary<T>> {
+    let over = |mut times: Vec<f64>| {
+        times.sort_by(f64::total_cmp);
+        of(&times)
+    };
     let mut names: Vec<&str> = Vec::new();
     for pass in frames.iter().flat_map(|frame| &frame.passes) {
         if !names.contains(&pass.name.as_str()) {
@@ -87,7 +120,7 @@ pub fn summarise(frames: &[FrameTimings]) -> Option<Summary> {
             let per_frame: Vec<_> = frames.iter().map(of).filter(|times| !times.is_empty()).collect();
             let count = per_frame.last().map_or(0, Vec::len);
             let recorded = per_frame.len();
-            let time = spread(per_frame.iter().map(|times| times.iter().sum()).collect());
+            let time = over(per_frame.iter().map(|times| times.iter().sum()).collect());
             PassSpread { name: name.to_owned(), count, frames: recorded, time }
         })
         .collect();
@@ -95,30 +128,34 @@ pub fn summarise(frames: &[FrameTimings]) -> Option<Summary> {
     Some(Summary {
         frames: frames.len(),
         passes,
-        frame_span: spread(frames.iter().map(|frame| frame.span_ms).collect()),
-        pass_sum: spread(sums),
+        frame_span: over(frames.iter().map(|frame| frame.span_ms).collect()),
+        pass_sum: over(sums),
     })
 }
 
 /// The table for people.
 pub fn table(machine: &Machine, summary: &Summary) -> String {
     let mut text = format!("GPU time on {}, {} frames\n", machine.adapter, summary.frames);
-    let mut row = |name: &str, time: &Spread| {
+    for (name, time) in rows(summary) {
         // Writing to a string does not fail.
         let _ = writeln!(text, "  {name:<36}{:>10.3} ms   ± {:.3}", time.median_ms, time.iqr_ms);
-    };
-    for pass in &summary.passes {
+    }
+    text + "  (median and interquartile range; passes may overlap)\n"
+}
+
+/// Passes, their sum and the frame, by what people call them.
+pub fn rows<T>(summary: &Summary<T>) -> impl Iterator<Item = (String, &T)> {
+    let passes = summary.passes.iter().map(|pass| {
         let times = if pass.count > 1 { format!(" ×{}", pass.count) } else { String::new() };
         let frames = if pass.frames < summary.frames {
             format!(", {} of the frames", pass.frames)
         } else {
             String::new()
         };
-        row(&format!("{}{times}{frames}", pass.name), &pass.time);
-    }
-    row("sum of passes", &summary.pass_sum);
-    row("frame, first to last", &summary.frame_span);
-    text + "  (median and interquartile range; passes may overlap)\n"
+        (format!("{}{times}{frames}", pass.name), &pass.time)
+    });
+    let whole = [("sum of passes", &summary.pass_sum), ("frame, first to last", &summary.frame_span)];
+    passes.chain(whole.map(|(name, time)| (name.to_owned(), time)))
 }
 
 /// What the device says when it has no timestamps.
@@ -143,5 +180,22 @@ mod tests {
         assert_eq!(summary.passes[0].count, 2);
         assert_eq!(summary.passes[0].time.median_ms, 4.0);
         assert!(summarise(&[]).is_none());
+    }
+
+    #[test]
+    fn the_slowest_frames_are_told_apart_from_the_usual_ones() {
+        let frame = |ms: f64| FrameTimings {
+            passes: vec![PassTiming { name: "direct/shade".into(), ms }],
+            span_ms: 2.0 * ms,
+        };
+        // 200 frames of 1 ms but for three.
+        let mut frames = vec![frame(1.0); 197];
+        frames.extend([5.0, 40.0, 6.0].map(frame));
+        let summary = summarise_tails(&frames).unwrap();
+        let shade = &summary.passes[0].time;
+        assert_eq!((shade.median_ms, shade.max_ms), (1.0, 40.0));
+        // The 199 steps between them: 197.01 is just past the third last.
+        assert!((shade.p99_ms - 5.01).abs() < 1e-9, "{}", shade.p99_ms);
+        assert_eq!(summary.frame_span.max_ms, 80.0);
     }
 }

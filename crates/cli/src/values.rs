@@ -203,7 +203,8 @@ pub fn share(text: &str) -> Result<f64, String> {
 
 /// A frame rate.
 pub fn frames_per_second(text: &str) -> Result<f64, String> {
-    number_where(text, |fps| fps > 0.0, "write frames per second above 0, such as 24")
+    let advice = "write frames per second from 0.001 to 100000, such as 24";
+    number_where(text, |fps| (0.001..=100_000.0).contains(&fps), advice)
 }
 
 fn number_where(text: &str, holds: impl Fn(f64) -> bool, advice: &str) -> Result<f64, String> {
@@ -211,9 +212,9 @@ fn number_where(text: &str, holds: impl Fn(f64) -> bool, advice: &str) -> Result
     number.ok_or_else(|| advice.to_owned())
 }
 
-/// A file that a rendered image can be written to.
-pub fn image_output(text: &str) -> Result<PathBuf, String> {
-    with_extension(text, &["png", "exr"])
+/// A file that a rendered image or animation can be written to.
+pub fn render_output(text: &str) -> Result<PathBuf, String> {
+    with_extension(text, &["png", "exr", "mp4", "webp"])
 }
 
 /// A file that scene radiance can be written to.
@@ -221,15 +222,19 @@ pub fn radiance_output(text: &str) -> Result<PathBuf, String> {
     with_extension(text, &["exr"])
 }
 
-/// A file that a picture can be written to.
-pub fn picture_output(text: &str) -> Result<PathBuf, String> {
-    with_extension(text, &["png"])
+/// A file that a picture of differences can be written to.
+pub fn chart_output(text: &str) -> Result<PathBuf, String> {
+    with_extension(text, &["png", "svg"])
+}
+
+/// The last part of a file's name, in small letters.
+pub fn extension(path: &Path) -> String {
+    path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase()
 }
 
 fn with_extension(text: &str, known: &[&str]) -> Result<PathBuf, String> {
     let path = Path::new(text);
-    let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_lowercase);
-    if extension.is_some_and(|extension| known.contains(&extension.as_str())) {
+    if known.contains(&extension(path).as_str()) {
         Ok(path.to_owned())
     } else {
         Err(format!("the file's name must end in .{}", known.join(" or .")))
@@ -289,12 +294,11 @@ mod tests {
 
     #[test]
     fn outputs_are_told_by_their_extension() {
-        assert!(image_output("a/b.PNG").is_ok() && image_output("b.exr").is_ok());
-        assert!(
-            image_output("b.jpg").is_err()
-                && image_output("png").is_err()
-                && picture_output("b.exr").is_err()
-        );
+        assert!(render_output("a/b.PNG").is_ok() && render_output("b.Mp4").is_ok());
+        for wrong in ["b.jpg", "png", ".png", ""] {
+            assert!(render_output(wrong).is_err() && chart_output(wrong).is_err(), "{wrong} was taken");
+        }
+        assert!(chart_output("b.exr").is_err() && radiance_output("b.png").is_err());
     }
 
     #[test]
@@ -305,5 +309,6 @@ mod tests {
         assert_eq!((share("0.01"), share("2.5 %")), (Ok(0.01), Ok(0.025)));
         assert!(share("0").is_err() && share("%").is_err() && some_seconds("0").is_err());
         assert!(seconds("-0.1").is_err() && frames_per_second("0").is_err() && seconds("inf").is_err());
+        assert!(frames_per_second("1e-320").is_err() && frames_per_second("1e300").is_err());
     }
 }

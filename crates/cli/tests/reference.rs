@@ -1,7 +1,9 @@
 //! `chiaro reference` as scripts see it: goals, resuming, interruptions, AOVs. Tiny images, any adapter.
 
+mod moving;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output};
 
 use chiaro_image::{CompareOptions, Comparison, Image, Layers, Precision, read, read_layers, write_exr};
 
@@ -165,6 +167,32 @@ fn a_target_error_ends_the_render_where_it_is_reached() {
     assert!(done(&output).contains("nothing to add"), "{}", text(&output.stdout));
 }
 
+/// Ctrl-C once the program listens and `wait` is over.
+#[cfg(target_os = "linux")]
+fn interrupt(child: &Child, wait: impl FnOnce()) {
+    // Until it listens for the signal, which is bit 1 of those that it catches.
+    let listens = || {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap_or("0").trim();
+        u64::from_str_radix(mask, 16).unwrap() & 2 != 0
+    };
+    wait_for(listens);
+    wait();
+    assert!(
+        Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status().unwrap().success()
+    );
+}
+
+#[cfg(target_os = "linux")]
+#[track_caller]
+fn wait_for(holds: impl Fn() -> bool) {
+    let start = std::time::Instant::now();
+    while !holds() {
+        assert!(start.elapsed().as_secs() < 120, "it never came to that");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn an_interrupted_render_leaves_a_file_to_go_on_from() {
@@ -173,21 +201,7 @@ fn an_interrupted_render_leaves_a_file_to_go_on_from() {
     let mut command = command(&[&["reference"], &SCENE[..], &aovs].concat());
     let child =
         command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::piped()).spawn().unwrap();
-    // Until it listens for the signal, which is bit 1 of those that it catches.
-    let listens = || {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
-        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap_or("0").trim();
-        u64::from_str_radix(mask, 16).unwrap() & 2 != 0
-    };
-    let start = std::time::Instant::now();
-    while !listens() {
-        assert!(start.elapsed().as_secs() < 120, "it never listened");
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
-    std::thread::sleep(std::time::Duration::from_millis(300));
-    assert!(
-        Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status().unwrap().success()
-    );
+    interrupt(&child, || std::thread::sleep(std::time::Duration::from_millis(300)));
     let output = child.wait_with_output().unwrap();
     let error = failed(&output);
     assert!(error.contains("interrupted") && error.contains("--resume"), "{error}");
@@ -270,4 +284,158 @@ fn an_unknown_aov_is_refused_before_any_work() {
         error.contains("shadow") && error.contains("albedo, caustics, depth, direct, indirect, normal"),
         "{error}"
     );
+}
+
+/// An empty folder of a test's own.
+fn folder(name: &str) -> PathBuf {
+    let path = scratch("x").with_file_name(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// `chiaro reference` with the output `a.exr` in a folder.
+fn trace(folder: &Path, arguments: &[&str]) -> Output {
+    let output = folder.join("a.exr");
+    command(&[&["reference", "-o", output.to_str().unwrap()], arguments].concat()).output().unwrap()
+}
+
+#[test]
+fn numbered_images_are_those_of_their_moments_to_the_bit() {
+    let folder = folder("moments");
+    let moving = moving::write(&folder);
+    // A camera and a lamp, bending, and a camera and a mesh that move: the rays of one tree that follows meet the same
+    // triangles at the same places as those of a tree built for the moment.
+    for (scene, flags) in [
+        (["builtin:flight", "--size", "24x16"], &["--max-depth", "3"][..]),
+        (["builtin:dancer", "--size", "24x16"], &["--camera", "hood", "--integrator", "full"]),
+        ([&moving, "--size", "24x16"], &["--aov", "depth"]),
+    ] {
+        let with = |more: &[&str]| trace(&folder, &[&scene[..], flags, &["--spp", "2"], more].concat());
+        let told = with(&["--frames", "2..5", "--fps", "1.7"]);
+        assert_eq!(done(&told).lines().count(), 3);
+        let file = |name: &str| std::fs::read(folder.join(name)).unwrap();
+        let [first, last] = ["a.0002.exr", "a.0004.exr"].map(|name| read(folder.join(name)).unwrap());
+        assert!(nmae(&first, &last) > 0.01, "{}: nothing moves", scene[0]);
+        done(&with(&["--time", &(4.0 / 1.7).to_string()]));
+        let off = nmae(&last, &read(folder.join("a.exr")).unwrap());
+        assert!(file("a.0004.exr") == file("a.exr"), "{}: {off}", scene[0]);
+        if flags.contains(&"depth") {
+            assert!(file("a.0004.depth.exr") == file("a.depth.exr"), "{}: depth", scene[0]);
+        }
+    }
+}
+
+#[test]
+fn a_sequence_goes_on_and_keeps_what_is_done() {
+    let folder = folder("goes_on");
+    let moving = moving::write(&folder);
+    let scene = [&moving, "--size", "24x16", "--frames", "0..3", "--fps", "2", "--aov", "depth"];
+    let with = |more: &[&str]| trace(&folder, &[&scene[..], more].concat());
+    done(&with(&["--spp", "4"]));
+    let files = || {
+        let names = ["a.0000.exr", "a.0001.exr", "a.0002.exr", "a.0002.depth.exr"].map(|n| folder.join(n));
+        names.map(|path| {
+            (std::fs::read(&path).unwrap(), std::fs::metadata(&path).unwrap().modified().unwrap())
+        })
+    };
+    let through = files();
+    // The last one was begun, the one before has lost its AOV.
+    let begun = trace(&folder, &[&moving, "--size", "24x16", "--time", "1", "--aov", "depth", "--spp", "1"]);
+    done(&begun);
+    std::fs::rename(folder.join("a.exr"), folder.join("a.0002.exr")).unwrap();
+    std::fs::remove_file(folder.join("a.0002.depth.exr")).unwrap();
+    let told = with(&["--spp", "4", "--resume"]);
+    let lines: Vec<_> = done(&told).lines().map(|line| line.contains("nothing to add")).collect();
+    assert_eq!(lines, [true, true, false], "{}", text(&told.stdout));
+    let resumed = files();
+    assert_eq!(resumed[0], through[0], "what was done was touched");
+    for (resumed, through) in resumed.iter().zip(&through) {
+        assert!(resumed.0 == through.0);
+    }
+    // More samples are more, of all.
+    let told = with(&["--spp", "5", "--resume"]);
+    assert!(done(&told).lines().all(|line| line.contains(" 5 spp, 0")), "{}", text(&told.stdout));
+    // Of another moment.
+    let other = ["--frames", "0..3", "--fps", "3", "--aov", "depth", "--spp", "6", "--resume"];
+    let told = trace(&folder, &[&[&moving, "--size", "24x16"], &other[..]].concat());
+    assert!(failed(&told).contains("a.0001.exr is of another reference"), "{}", text(&told.stderr));
+}
+
+#[test]
+fn images_of_a_sequence_that_had_their_time_are_done() {
+    let folder = folder("timed");
+    let moving = moving::write(&folder);
+    let scene = [&moving, "--size", "24x16", "--frames", "0..2", "--fps", "2", "--time-limit"];
+    let with = |more: &[&str]| trace(&folder, &[&scene[..], more].concat());
+    assert!(!done(&with(&["0.2"])).contains("nothing to add"));
+    let told = with(&["0.2", "--resume"]);
+    assert_eq!(done(&told).matches("nothing to add").count(), 2, "{}", text(&told.stdout));
+    // More time is more samples; and no time was up where samples ended the render.
+    assert!(!done(&with(&["0.3", "--resume"])).contains("nothing to add"));
+    done(&with(&["100", "--spp", "1"]));
+    assert!(!done(&with(&["100", "--spp", "2", "--resume"])).contains("nothing to add"));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_interrupted_sequence_says_how_to_go_on_and_does() {
+    let folder = folder("interrupted_sequence");
+    let moving = moving::write(&folder);
+    let spp = "300";
+    let output = folder.join("a.exr");
+    let scene = ["--size", "64x48", "--frames", "0..400", "--fps", "300", "--spp", spp];
+    let run = |more: &[&str]| {
+        let mut command =
+            command(&[&["reference", &moving, "-o", output.to_str().unwrap()], &scene[..], more].concat());
+        command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::piped()).spawn().unwrap()
+    };
+    let third = folder.join("a.0002.exr");
+    for flags in [&[][..], &["--resume"]] {
+        let child = run(flags);
+        interrupt(&child, || wait_for(|| third.exists()));
+        let output = child.wait_with_output().unwrap();
+        let error = failed(&output);
+        assert!(error.contains("interrupted") && error.contains("with --resume goes on"), "{error}");
+    }
+    let samples = |number: u32| {
+        let file = folder.join(format!("a.{number:04}.exr"));
+        file.exists().then(|| read_layers(file).unwrap().about["samples"].clone())
+    };
+    assert_eq!((samples(0).as_deref(), samples(1).as_deref()), (Some(spp), Some(spp)));
+    assert!(samples(399).is_none(), "nothing was left to go on with");
+}
+
+#[test]
+fn a_still_scene_says_that_nothing_moves() {
+    let folder = folder("still");
+    let scene = ["builtin:cornell", "--size", "8x6", "--spp", "1"];
+    let told = trace(&folder, &[&scene[..], &["--frames", "3..5"]].concat());
+    done(&told);
+    assert!(text(&told.stderr).contains("nothing in this scene moves"), "{}", text(&told.stderr));
+    let [a, b] = [3, 4].map(|number| read(folder.join(format!("a.000{number}.exr"))).unwrap());
+    assert_eq!(a, b);
+}
+
+#[test]
+fn frames_that_are_none_are_wrong_usage() {
+    let folder = folder("none");
+    for flags in [
+        &["--frames", "3"][..],
+        &["--frames", "5..3"],
+        &["--frames", "3..3"],
+        &["--frames", "-1..3"],
+        &["--frames", "0..99999999999"],
+        &["--frames", "0..2", "--time", "1"],
+        &["--frames", "0..2", "--fps", "0"],
+        &["--frames", "0..2", "--fps", "-24"],
+        &["--frames", "0..2", "--fps", "nan"],
+        &["--frames", "0..2", "--fps", "1e-300"],
+        &["--fps", "24"],
+        &["--fps", "24", "--time", "1"],
+    ] {
+        let output = trace(&folder, &[&["builtin:cornell"], flags].concat());
+        assert_eq!(output.status.code(), Some(2), "{flags:?}: {}", text(&output.stderr));
+    }
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0);
 }

@@ -84,7 +84,28 @@ pub struct Comparison {
     pub(crate) bad: Vec<bool>,
     /// Mean of B over the kept pixels and channels: the yardstick of the relative errors. Not 0.
     pub(crate) reference_mean: f64,
-    not_finite: usize,
+    pub(crate) not_finite: usize,
+}
+
+/// Sums over the channel values of the kept pixels, and the error that is none.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Light {
+    pub(crate) a: f64,
+    pub(crate) b: f64,
+    /// Of |A − B|.
+    pub(crate) absolute: f64,
+    pub(crate) relmse: f64,
+    pub(crate) pixels: usize,
+}
+
+impl Light {
+    pub(crate) fn mean_ratio(&self) -> f64 {
+        self.a / self.b
+    }
+
+    pub(crate) fn nmae(&self) -> f64 {
+        self.absolute / self.b
+    }
 }
 
 impl Comparison {
@@ -161,6 +182,24 @@ impl Comparison {
 
     /// The figures.
     pub fn metrics(&self) -> Metrics {
+        let hdr_flip = || self.mean(&self.hdr_flip_map());
+        let (hdr_flip, (psnr, ssim, flip)) = together(hdr_flip, || self.as_shown());
+        let light = self.light();
+        Metrics {
+            mean_ratio: light.mean_ratio(),
+            nmae: light.nmae(),
+            relmse: light.relmse,
+            pixels: light.pixels,
+            not_finite: self.not_finite,
+            psnr,
+            ssim,
+            flip,
+            hdr_flip,
+        }
+    }
+
+    /// What errors of radiance are made of.
+    pub(crate) fn light(&self) -> Light {
         let floor = (0.05 * self.reference_mean).powi(2);
         let mut absolute = 0.0;
         let mut relative_squares: Vec<f64> = Vec::new();
@@ -176,19 +215,18 @@ impl Comparison {
         let pixels = relative_squares.len();
         relative_squares.sort_unstable_by(f64::total_cmp);
         let trusted = ((pixels as f64 * 0.999) as usize).max(1);
-        let hdr_flip = || self.mean(&self.hdr_flip_map());
-        let (hdr_flip, (psnr, ssim, flip)) = together(hdr_flip, || self.as_shown());
-        Metrics {
-            mean_ratio: kept(&self.a, &self.keep).sum::<f64>() / kept(&self.b, &self.keep).sum::<f64>(),
-            nmae: absolute / (3 * pixels) as f64 / self.reference_mean,
+        Light {
+            a: kept(&self.a, &self.keep).sum(),
+            b: kept(&self.b, &self.keep).sum(),
+            absolute,
             relmse: relative_squares[..trusted].iter().sum::<f64>() / trusted as f64,
             pixels,
-            not_finite: self.not_finite,
-            psnr,
-            ssim,
-            flip,
-            hdr_flip,
         }
+    }
+
+    /// Mean LDR-FLIP.
+    pub(crate) fn flip(&self) -> f64 {
+        self.mean(&self.flip_map())
     }
 
     /// PSNR, mean SSIM and mean FLIP of what a screen shows.

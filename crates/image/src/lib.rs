@@ -2,7 +2,8 @@
 //!
 //! An [`Image`] holds linear Rec. 709 colours in `f32`, usually scene radiance in nits; a [`Picture`] holds the 8-bit
 //! sRGB bytes that a screen shows. [`read`] takes EXR, Radiance HDR or PNG to an [`Image`]; [`write_exr`] and
-//! [`write_png`] go the other way; [`Layers`] are an EXR's further channels. [`Comparison`] measures one image against another and draws where they differ.
+//! [`write_png`] go the other way; [`Layers`] are an EXR's further channels. [`Comparison`] measures one image against
+//! another and draws where they differ; a [`Sequence`] does so for the frames of an animation, and measures how they flicker.
 //!
 //! ```
 //! use chiaro_image::{Comparison, CompareOptions, Image};
@@ -27,6 +28,7 @@ mod heat;
 mod layers;
 mod linear;
 mod picture;
+mod sequence;
 mod ssim;
 mod write;
 
@@ -38,3 +40,4 @@ pub use heat::Heat;
 pub use layers::{Layers, read_layers, write_layers};
 pub use linear::{Image, MAX_PIXELS, Region};
 pub use picture::{Picture, write_png};
+pub use sequence::{ComparedFrame, FrameMetrics, Sequence, SequenceMetrics};

@@ -22,7 +22,7 @@ pub fn assets() -> Option<PathBuf> {
 }
 
 /// Says on standard error that the running test is skipped, and in the file that `CHIARO_SKIPPED` names, if it does.
-fn skipped(reason: &str) {
+pub fn skipped(reason: &str) {
     let thread = std::thread::current();
     let line = format!("SKIPPED: {}: {reason}\n", thread.name().unwrap_or("a test"));
     // Not `eprintln`, which the test harness would swallow.

@@ -17,7 +17,7 @@ mod truth;
 pub use bench::{Bench, Output};
 pub use device::{TestGpu, device, device_guaranteed, device_of_its_own};
 pub use exact::{Exact, Hit};
-pub use files::{assets, reference};
+pub use files::{assets, reference, skipped};
 pub use golden::{Tolerance, assert_golden};
 pub use stage::{Stage, camera_above, place_below};
 pub use studio::{Studio, direct, nmae};

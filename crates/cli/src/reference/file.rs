@@ -1,7 +1,7 @@
 //! What a reference's EXR holds: the picture, how sure it is, the sums to go on from, and what all this is of.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use chiaro::{FirstHit, Gpu, Pixels, Reference, Settings, View};
@@ -17,6 +17,8 @@ use crate::session::{Session, Tracing};
 const SETTINGS: [&str; 3] = ["surface.lighting", "surface.normal_maps", "environment."];
 /// Samples a pixel so far.
 const SAMPLES: &str = "samples";
+/// Seconds of `--time-limit` that ended the render; only where they did.
+const TIMED_OUT: &str = "stopped after seconds";
 /// Written for people; what counts is the fingerprint.
 const SCENE: &str = "scene";
 /// Longer values are not spelled out in messages.
@@ -26,6 +28,7 @@ const SHORT: usize = 40;
 /// the scene's name.
 pub fn about(
     args: &ReferenceArgs,
+    time_s: f64,
     session: &Session<Tracing>,
     reference: &Reference,
 ) -> BTreeMap<String, String> {
@@ -35,7 +38,7 @@ pub fn about(
         ("integrator", integrator.map_or(String::new(), |value| value.get_name().to_owned())),
         // Light paths of another number of samples together have other radii.
         ("samples in a round", reference.round().to_string()),
-        ("time", format!("{} s", args.time)),
+        ("time", format!("{time_s} s")),
         (SCENE, session.scene_name.clone()),
         ("scene fingerprint", format!("{:016x}", session.source.fingerprint())),
         ("camera", camera(&session.view)),
@@ -47,6 +50,11 @@ pub fn about(
         ("aovs", sorted(&args.aovs).join(" ")),
     ];
     entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+}
+
+/// Remembers that the time limit ended the render.
+pub fn set_timed_out(about: &mut BTreeMap<String, String>, limit_s: f64) {
+    about.insert(TIMED_OUT.to_owned(), limit_s.to_string());
 }
 
 fn camera(view: &View) -> String {
@@ -102,13 +110,13 @@ fn in_file(layer: &str) -> String {
     if ["sum", "squares"].contains(&layer) { layer.to_owned() } else { format!("sum.{layer}") }
 }
 
-/// Goes on from a file, after making sure that it is of the same reference.
+/// Goes on from a file, after making sure that it is of the same reference. Returns the time limit that ended it.
 pub fn resume(
     path: &Path,
     about: &BTreeMap<String, String>,
     size: [u32; 2],
     reference: &mut Reference,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Option<f64>> {
     let file = read_layers(path)
         .context("--resume cannot go on from the output file; without it the render starts anew")?;
     let Some(samples) = file.about.get(SAMPLES).and_then(|text| text.parse().ok()) else {
@@ -144,7 +152,17 @@ pub fn resume(
     }
     let layers: Vec<_> =
         reference.layers().filter_map(|(name, _)| Some((name, file.texels(&in_file(name))?))).collect();
-    reference.restore(samples, &layers).with_context(|| format!("--resume {}", path.display()))
+    reference.restore(samples, &layers).with_context(|| format!("--resume {}", path.display()))?;
+    Ok(file.about.get(TIMED_OUT).and_then(|text| text.parse().ok()))
+}
+
+/// Whether the AOVs beside a picture were written.
+pub fn has_aovs(path: &Path, names: &[String]) -> bool {
+    names.iter().all(|name| beside(path, name).exists())
+}
+
+fn beside(path: &Path, name: &str) -> PathBuf {
+    path.with_extension(format!("{name}.exr"))
 }
 
 /// All sums of a reference.
@@ -215,7 +233,7 @@ impl Sums {
             "caustics" => self.caustics()?,
             _ => self.mean_of(name)?,
         };
-        Ok(write_exr(path.with_extension(format!("{name}.exr")), &image, Precision::Float)?)
+        Ok(write_exr(beside(path, name), &image, Precision::Float)?)
     }
 
     fn mean_of(&self, name: &str) -> anyhow::Result<Image> {

@@ -2,9 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use crate::args::ReferenceArgs;
+use crate::output::bar;
 
 /// Samples a pixel where nothing says when to stop.
 const DEFAULT_SAMPLES: u32 = 64;
@@ -27,9 +28,13 @@ struct Limits {
 pub struct Progress {
     limits: Limits,
     bar: ProgressBar,
+    // What the image is called.
+    label: String,
     start: Instant,
     // Samples that were there before.
     first: u32,
+    // The image has had its time before.
+    timed_out: bool,
     // Estimated error at so many samples: the newest, and the newest of those that decide.
     noise: Option<(u32, f64)>,
     decisive: Option<(u32, f64)>,
@@ -37,18 +42,16 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Of a render that has `first` samples already.
-    pub fn new(args: &ReferenceArgs, first: u32) -> Self {
+    /// Of a render that has `first` samples already, and has been ended by a time limit, where there is one, that is to be
+    /// kept.
+    pub fn new(args: &ReferenceArgs, label: String, (first, timed_out): (u32, Option<f64>)) -> Self {
         let endless = args.time_limit.is_some() || args.target_error.is_some();
         let samples = args.spp.or((!endless).then_some(DEFAULT_SAMPLES));
         let limits = Limits { samples, seconds: args.time_limit, error: args.target_error };
-        // Hidden by itself where there is no terminal, and for work that is done before anyone could read it.
-        let bar = ProgressBar::new(STEPS);
-        if let Ok(style) = ProgressStyle::with_template("path tracing {bar:40} {msg}") {
-            bar.set_style(style);
-        }
+        let bar = bar(STEPS, "path tracing {bar:40} {msg}");
         let start = Instant::now();
-        Self { limits, bar, start, first, noise: None, decisive: None, looked: start }
+        let timed_out = limits.seconds.zip(timed_out).is_some_and(|(most, had)| had >= most);
+        Self { limits, bar, label, start, first, timed_out, noise: None, decisive: None, looked: start }
     }
 
     /// Whether the noise is to be told now: for the bar, or because it decides. It does so at numbers of samples that
@@ -71,11 +74,21 @@ impl Progress {
 
     /// Whether the first goal is reached.
     pub fn is_done(&self, samples: u32) -> bool {
-        let counted = self.limits.samples.is_some_and(|most| samples >= most);
-        let timed = self.limits.seconds.is_some_and(|most| self.start.elapsed().as_secs_f64() >= most);
-        let exact = self.limits.error.zip(self.decisive).is_some_and(|(most, (_, noise))| noise <= most);
+        self.is_good(samples) || self.time_was_up(samples).is_some()
+    }
+
+    /// The time limit, where nothing else ends the render, or ended it before.
+    pub fn time_was_up(&self, samples: u32) -> Option<f64> {
+        let timed = |most: &f64| self.start.elapsed().as_secs_f64() >= *most;
         // A render that is stopped and resumed in too short a time would never end.
-        counted || exact || (timed && samples > self.first)
+        let up = |most: &f64| self.timed_out || (timed(most) && samples > self.first);
+        self.limits.seconds.filter(up).filter(|_| !self.is_good(samples))
+    }
+
+    /// Whether the image is as good as was asked for.
+    fn is_good(&self, samples: u32) -> bool {
+        let counted = self.limits.samples.is_some_and(|most| samples >= most);
+        counted || self.limits.error.zip(self.decisive).is_some_and(|(most, (_, noise))| noise <= most)
     }
 
     /// Samples that may be added before the next decision; at least 1 while the render is not done.
@@ -92,7 +105,7 @@ impl Progress {
         let noise = self.noise.map_or(String::new(), |(_, noise)| format!(", noise {:.2} %", 100.0 * noise));
         let of = self.limits.samples.map_or(String::new(), |most| format!("/{most}"));
         let time = if left.is_finite() { format!(", {} left", clock(left)) } else { String::new() };
-        self.bar.set_message(format!("{samples}{of} samples{noise}{time}"));
+        self.bar.set_message(format!("{}{samples}{of} samples{noise}{time}", self.label));
         self.bar.set_position((STEPS as f64 * took / (took + left)) as u64);
     }
 
@@ -150,8 +163,10 @@ mod tests {
         Progress {
             limits,
             bar: ProgressBar::hidden(),
+            label: String::new(),
             start,
             first,
+            timed_out: false,
             noise: None,
             decisive: None,
             looked: start,
@@ -185,8 +200,12 @@ mod tests {
 
     #[test]
     fn a_resumed_render_out_of_time_adds_something() {
-        let progress = progress(None, Some(0.0), None, 40);
+        let mut progress = progress(None, Some(0.0), None, 40);
         assert!(!progress.is_done(40) && progress.is_done(41));
+        assert_eq!(progress.time_was_up(41), Some(0.0));
+        // But not where it is to be kept as it is.
+        progress.timed_out = true;
+        assert!(progress.is_done(40));
     }
 
     #[test]

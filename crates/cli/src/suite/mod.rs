@@ -7,7 +7,7 @@ use anyhow::Context;
 use serde::Serialize;
 
 use crate::args::BenchArgs;
-use crate::render::create_parent;
+use crate::output::create_parent;
 use crate::session::Session;
 use crate::timings::Machine;
 

@@ -8,19 +8,19 @@ use std::path::Path;
 
 use anyhow::Context;
 use chiaro::{Settings, StillOptions};
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::args::BenchArgs;
-use crate::measure::{Measured, measure};
-use crate::output::print;
+use crate::measure::{Measured, at_sixty, measure};
+use crate::output::{bar, print};
 use crate::render;
 use crate::session::{self, Session};
-use crate::timings::{Machine, NO_TIMESTAMPS, Summary};
+use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise};
 use crate::values::Size;
 
 const SIZE: Size = Size { width: 800, height: 600 };
 const SCENE: &str = "builtin:terrain";
+const FOLDER: &str = "bench";
 
 /// A combination: what its name says, all of it set, so that no base changes what a row is.
 struct Row {
@@ -123,47 +123,47 @@ fn rows(base: &Settings) -> Result<Vec<Row>, chiaro::Error> {
 }
 
 pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
+    let folder = args.output.as_deref().unwrap_or(Path::new(FOLDER));
     let mut scene_args = args.scene.clone();
     scene_args.size.get_or_insert(SIZE);
     scene_args.scene.get_or_insert_with(|| SCENE.into());
     let mut base = session::settings(&args.settings)?;
     base.set("shadow.cache", "false")?;
+    // Only shadows are compared.
+    base.set("post.antialias", "none")?;
     let rows = rows(&base)?;
     let images = thesis().len();
     let mut session = Session::open(&scene_args, &args.settings)?;
-    let bar = ProgressBar::new(rows.len() as u64);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}, {eta} left") {
-        bar.set_style(style);
-    }
+    let bar = bar(rows.len() as u64, "{bar:40} {pos}/{len} {msg}, {eta} left");
     let mut costs = Vec::new();
     for row in &rows {
         bar.set_message(row.name.clone());
         session.renderer.set(row.settings(&base)?)?;
         session.renderer.equip(&session.source, &mut session.scene)?;
-        picture(&mut session, &args.output.join(file_name(&row.name)))?;
-        let measured = measure(&mut session, args.frames, || bar.tick())?;
-        costs.push(cost(row, measured));
+        picture(&mut session, &folder.join(file_name(&row.name)))?;
+        let measured = measure(&mut session, args.frames, at_sixty, || bar.tick())?;
+        costs.push(cost(row, &measured));
         bar.inc(1);
     }
     bar.finish_and_clear();
     session.tell_notes();
     let machine = Machine::of(&session.gpu);
     let text = table(&machine, &session, args.frames, (&costs, images));
-    let path = args.output.join("table.md");
+    let path = folder.join("table.md");
     std::fs::write(&path, &text).with_context(|| format!("cannot write {}", path.display()))?;
     print(&text)?;
     if costs.iter().all(|cost| cost.timings.is_none()) {
         eprintln!("note: {NO_TIMESTAMPS}");
     }
     super::write_json(args, &machine, &session, &costs)?;
-    print(&format!("\n{} pictures and table.md in {}\n", rows.len(), args.output.display()))
+    print(&format!("\n{} pictures and table.md in {}\n", rows.len(), folder.display()))
 }
 
 fn picture(session: &mut Session, path: &Path) -> anyhow::Result<()> {
     let Session { renderer, scene, view, size, .. } = &mut *session;
     let options = StillOptions { size: *size, samples: 1, ..StillOptions::default() };
     let still = renderer.still(scene, view, &options)?;
-    render::write(session, still, path).map(|_| ())
+    render::write(&session.gpu, still, path).map(|_| ())
 }
 
 fn file_name(name: &str) -> String {
@@ -171,8 +171,8 @@ fn file_name(name: &str) -> String {
     words.join("_") + ".png"
 }
 
-fn cost(row: &Row, measured: Measured) -> Cost {
-    let timings = measured.timings;
+fn cost(row: &Row, measured: &Measured) -> Cost {
+    let timings = summarise(&measured.timings);
     let sum = |prefix: &str| {
         let passes = timings.iter().flat_map(|summary| &summary.passes);
         passes.filter(|pass| pass.name.starts_with(prefix)).fold(0.0, |sum, pass| sum + pass.time.median_ms)

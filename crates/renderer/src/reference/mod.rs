@@ -3,11 +3,11 @@
 mod frame;
 mod options;
 
-use chiaro_gpu::{Buffer, Frame, Gpu, Readback, Texture, parallel, wgpu};
+use chiaro_gpu::{Buffer, Frame, Gpu, Readback, Recorder, Texture, parallel, wgpu};
 use chiaro_scene::{Pose, Scene};
 use chiaro_techniques::Pass;
 use chiaro_techniques::frame::FrameGroup;
-use chiaro_techniques::rays::{Refit, TraceData, TraceScene};
+use chiaro_techniques::rays::{Refit, TraceData, TraceScene, WORN};
 use chiaro_techniques::reference::first_hit::{FirstHitSum, FirstHitTracer};
 use chiaro_techniques::reference::path::{
     EmitterData, Emitters, PathNoise, PathOptions, PathSum, PathTracer,
@@ -225,6 +225,37 @@ impl Reference {
         self.restart(loaded, settings, image)
     }
 
+    /// Builds the trees anew where bending has worn them so far that rays are slow in them: worth a look after
+    /// [`Reference::follow`] where a moment is traced for longer than trees take to build. The image is the same. Returns
+    /// whether it built any. Waits for the GPU.
+    ///
+    /// # Errors
+    /// When the trees do not fit the adapter, or the device was lost.
+    pub fn renew(
+        &mut self,
+        recorder: &mut Recorder,
+        (scene, loaded): (&Scene, &LoadedScene),
+    ) -> Result<bool, Error> {
+        let mut frame = recorder.begin();
+        self.catch_up(&mut frame, loaded);
+        frame.submit();
+        let gpu = &self.kit.gpu;
+        let Some(boxes) = self.traced.read_boxes(gpu) else { return Ok(false) };
+        let worn = self.traced.wear(&boxes.wait(gpu)?) > WORN;
+        if worn {
+            self.traced = TraceData::build(scene, &loaded.pose, &[]).upload(gpu)?;
+        }
+        Ok(worn)
+    }
+
+    /// Lets vertices and trees take a pose that is new.
+    fn catch_up(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene) {
+        if let Some(Following { motion, refit }) = self.following.as_mut().filter(|_| self.traced.stale()) {
+            motion.record(frame, &loaded.gpu);
+            refit.record(frame, &loaded.gpu, &self.traced);
+        }
+    }
+
     /// Sums up these quantities, too, in layers of the name [`FirstHit::layer`]. To be said before the first sample. `facts`
     /// are those of the scene as uploaded.
     ///
@@ -303,10 +334,7 @@ impl Reference {
     /// the one that is under way; returns its work.
     fn record(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene, count: u32, work: u64) -> u64 {
         let ReferenceOptions { integrator, max_depth, diffuse_bounces, seed } = self.options;
-        if let Some(Following { motion, refit }) = self.following.as_mut().filter(|_| self.traced.stale()) {
-            motion.record(frame, &loaded.gpu);
-            refit.record(frame, &loaded.gpu, &self.traced);
-        }
+        self.catch_up(frame, loaded);
         let scene = (self.frame_group.group(), &loaded.gpu);
         let target = (&self.traced, &self.emitters);
         let (first, round) = (self.sum.samples(), self.round());

@@ -128,3 +128,32 @@ fn what_is_moved_by_hand_is_traced_where_it_is() {
     assert!(off(&built, &expected) < 1e-4, "built: {}", off(&built, &expected));
     assert!(off(&at_rest, &expected) > 0.05, "nothing moved");
 }
+
+#[test]
+fn trees_that_have_worn_are_built_anew_and_show_the_same() {
+    let gpu = device_guaranteed();
+    let (kit, settings) = (Kit::new(&gpu, shaders::library()), &direct(&[]));
+    let mut stage = Stage::new();
+    stage.scene = crate::trace::ball();
+    lamp(&mut stage, 3.0, 1.0);
+    let scene = stage.scene;
+    let image = (&crate::motion::view(), SIZE);
+    let options = ReferenceOptions { max_depth: 2, seed: 1, ..ReferenceOptions::default() };
+    let mut recorder = Recorder::new(&gpu, false);
+    let mut loaded = LoadedScene::upload(&kit, &scene).unwrap();
+    let mut reference = Reference::new(&kit, (&scene, &loaded), settings, image, options).unwrap();
+    assert!(!reference.renew(&mut recorder, (&scene, &loaded)).unwrap(), "they were new");
+    loaded.set_pose(&scene, &scene.pose(1.0));
+    let mut pictures = Vec::new();
+    for worn in [true, false] {
+        reference.follow((&scene, &loaded), settings, image).unwrap();
+        // What is recorded with trees that have worn, before any are built.
+        let mut frame = recorder.begin();
+        reference.add(&mut frame, &loaded, 4);
+        frame.submit();
+        pictures.push(reference.sum().unwrap().wait(&gpu).unwrap().floats());
+        assert_eq!(reference.renew(&mut recorder, (&scene, &loaded)).unwrap(), worn);
+    }
+    assert!(pictures[0].iter().any(|value| *value > 0.0), "nothing is seen");
+    assert_eq!(pictures[0], pictures[1]);
+}

@@ -384,7 +384,7 @@ fn a_tree_wears_as_its_mesh_bends_away_from_what_it_was_built_for() {
 }
 
 /// A sheet whose quads go to random places of a ball within a second.
-fn ball() -> Scene {
+pub fn ball() -> Scene {
     let mut stage = Stage::new();
     let material = stage.lambert(0.5);
     let mut mesh = sheet(material);
