@@ -1,14 +1,14 @@
 //! Pictures that move: how their frames are sampled, and when a frame goes on from the one before.
 
+use chiaro_gpu::History;
 use chiaro_techniques::frame::LightData;
 use chiaro_techniques::post::{AntialiasInputs, CameraSettings};
 use chiaro_techniques::scene::motion::SceneMotion;
 use chiaro_techniques::view::Moment;
 use glam::Vec2;
 
-use crate::still::Jitter;
-use crate::view_state::Histories;
-use crate::{LoadedScene, Settings, View, ViewState};
+use crate::jitter::Jitter;
+use crate::{LoadedScene, Settings, View};
 
 /// Where within their pixels frames are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,6 +55,9 @@ const FASTER: f32 = 4.0;
 /// screen.
 pub(crate) type SeenKey = (u64, [u32; 2], Settings);
 
+/// What the last frame of a moving picture showed.
+pub(crate) type SeenHistory = History<SeenKey, Seen>;
+
 /// What a frame showed.
 #[derive(Clone, Debug)]
 pub(crate) struct Seen {
@@ -90,13 +93,11 @@ pub(crate) struct Look<'a> {
 }
 
 impl Moves {
-    /// `smooths`: whether the frame becomes part of a mean.
-    pub(crate) fn new(look: &Look<'_>, state: &mut ViewState, smooths: bool) -> Self {
+    /// `smooths`: whether the frame becomes part of a mean. `history`: of frames whose textures are still there.
+    pub(crate) fn new(look: &Look<'_>, history: Option<&SeenHistory>, smooths: bool) -> Self {
         let key = look.key();
-        // Without their textures histories are gone.
-        let rooms = &state.rooms;
-        let has_room = rooms.motion.is_some() && (rooms.antialias.is_some() || !smooths);
-        let before = state.history.seen.get(&key).filter(|seen| has_room && look.goes_on_from(seen));
+        let seen = history.and_then(|history| history.get(&key));
+        let before = seen.filter(|seen| look.goes_on_from(seen));
         let seen = look.seen(before);
         let antialias = smooths.then(|| AntialiasInputs {
             jitter_px: [0.0; 2],
@@ -124,8 +125,8 @@ impl Moves {
     }
 
     /// Once the frame is recorded, the next may go on from it.
-    pub(crate) fn keep(self, history: &mut Histories) {
-        history.seen.keep(self.key, self.seen);
+    pub(crate) fn keep(self, history: &mut SeenHistory) {
+        history.keep(self.key, self.seen);
     }
 }
 

@@ -19,7 +19,7 @@ use crate::moving::{Look, Moves, Sampling};
 use crate::passes::{Missing, Passes};
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
 use crate::plan::{Built, Plan};
-use crate::view_state::Histories;
+use crate::view_state::{Histories, Rooms};
 use crate::{Error, LoadedScene, Pipeline, Settings, Trees, View, ViewState};
 
 /// Renders scenes with the techniques that [`Settings`] choose.
@@ -230,7 +230,11 @@ impl Renderer {
         let sampling = sampling.into();
         let smooths = sampling == Sampling::Moving && settings.smooths();
         let look = Look { scene, view, size_px, settings };
-        let moves = sampling.moves().then(|| Moves::new(&look, state, smooths));
+        let moves = sampling.moves().then(|| {
+            let Rooms { motion, antialias, .. } = &state.rooms;
+            let has_room = motion.is_some() && (antialias.is_some() || !smooths);
+            Moves::new(&look, has_room.then_some(&state.history.seen), smooths)
+        });
         let (jitter_px, footprint_scale) = match sampling {
             Sampling::Single { jitter_px, footprint_scale } => (jitter_px, footprint_scale),
             Sampling::Moving | Sampling::Steady => moves.as_ref().map_or((Vec2::ZERO, 1.0), Moves::sampling),
@@ -354,7 +358,7 @@ impl Prepared<'_> {
         };
         let outputs = record(&renderer.resolved, &renderer.passes, frame, &inputs, &mut state.rooms);
         if let Some(moves) = moves {
-            moves.keep(&mut state.history);
+            moves.keep(&mut state.history.seen);
         }
         outputs
     }

@@ -11,7 +11,7 @@ use chiaro_techniques::view::culling::ListRoom;
 use chiaro_techniques::view::{MotionRoom, SurfaceRoom, ViewTable};
 use glam::DVec3;
 
-use crate::moving::{Seen, SeenKey};
+use crate::moving::SeenHistory;
 
 /// Textures, buffers and histories of one view: a window, a still, a mirror. A program that renders several views of its
 /// scenes, in one frame or in turn, has one of these for each, and one [`Renderer`](crate::Renderer) for all.
@@ -42,7 +42,7 @@ pub(crate) struct Histories {
     /// How much of the sky is seen, by scene and by where the eye is.
     pub sky: History<(u64, DVec3), SkyView>,
     /// What the last frame of a moving picture showed.
-    pub seen: History<SeenKey, Seen>,
+    pub seen: SeenHistory,
 }
 
 impl ViewState {
