@@ -153,6 +153,31 @@ fn keys_fly_and_choose_light() {
 }
 
 #[test]
+fn a_picture_comes_to_rest_without_a_step() {
+    let mut driver = Driver::cornell();
+    driver.picture();
+    driver.press(Key::W);
+    let read = |driver: &Driver| {
+        let texture = driver.viewer.picture().expect("a scene is on show");
+        Readback::start(&driver.gpu, texture).unwrap().wait(&driver.gpu).unwrap()
+    };
+    let apart = |a: &chiaro::Pixels, b: &chiaro::Pixels| {
+        let both = a.bytes.iter().zip(&b.bytes);
+        both.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.bytes.len() as f64
+    };
+    let mut pictures = vec![read(&driver)];
+    for _ in 0..24 {
+        driver.frame(Vec::new());
+        pictures.push(read(&driver));
+    }
+    let at_rest = driver.picture();
+    let way = apart(&pictures[0], &at_rest);
+    let steps: Vec<_> = pictures.windows(2).map(|pair| apart(&pair[0], &pair[1])).collect();
+    let largest = steps.iter().copied().fold(0.0, f64::max);
+    assert!(way > 0.0 && largest < 0.25 * way, "{way} in all, in steps of {steps:?}");
+}
+
+#[test]
 fn a_scene_that_cannot_be_read_is_told_and_the_old_one_stays() {
     let mut driver = Driver::cornell();
     driver.viewer.open("no/such/room.glb");
