@@ -96,9 +96,9 @@ impl Moves {
     /// `smooths`: whether the frame becomes part of a mean. `history`: of frames whose textures are still there.
     pub(crate) fn new(look: &Look<'_>, history: Option<&SeenHistory>, smooths: bool) -> Self {
         let key = look.key();
-        let seen = history.and_then(|history| history.get(&key));
-        let before = seen.filter(|seen| look.goes_on_from(seen));
-        let seen = look.seen(before);
+        let last = history.and_then(|history| history.get(&key));
+        let before = last.filter(|last| look.goes_on_from(last));
+        let seen = look.seen(before, last);
         let antialias = smooths.then(|| AntialiasInputs {
             jitter_px: [0.0; 2],
             rests: before.is_some_and(|before| before.shows_the_same_as(&seen)),
@@ -156,7 +156,8 @@ impl Look<'_> {
             && seen.view.is_orthographic() == self.view.is_orthographic()
     }
 
-    fn seen(&self, before: Option<&Seen>) -> Seen {
+    /// What a frame shows that goes on from one, or only comes after one.
+    fn seen(&self, before: Option<&Seen>, last: Option<&Seen>) -> Seen {
         let view = *self.view;
         let moment = Moment {
             clip_from_ws: view.clip_from_ws(self.size_px, Vec2::ZERO),
@@ -164,7 +165,7 @@ impl Look<'_> {
             forward_ws: view.forward_ws(),
             pixel_m: view.pixel_m2(self.size_px).sqrt(),
         };
-        let (step_m, turn_rad) = before.map_or((0.0, 0.0), |before| went(&before.view, &view));
+        let (step_m, turn_rad) = last.map_or((0.0, 0.0), |last| went(&last.view, &view));
         Seen {
             view,
             moment,

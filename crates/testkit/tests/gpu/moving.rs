@@ -175,6 +175,18 @@ fn a_frame_after_a_jump_is_as_of_a_fresh_start() {
 }
 
 #[test]
+fn a_camera_that_keeps_its_great_speed_has_not_jumped() {
+    let mut studio = Studio::new(&device(), direct(&[]));
+    let scene = moving();
+    let mut loaded = studio.load(&scene);
+    let views: Vec<_> = (0..4).map(|step| view(Vec3::new(2.0 * step as f32, 2.5, 6.0))).collect();
+    let seen = views.iter().map(|view| (0.1, view, SIZE));
+    let found = frames(&mut studio, (&scene, &mut loaded), seen, &[Aov::Motion]);
+    let moved = |frame: usize| found[frame].1[0].pixels().iter().any(|p| p[0].abs() > 10.0);
+    assert_eq!([0, 1, 2, 3].map(moved), [false, false, true, true]);
+}
+
+#[test]
 fn a_moving_picture_at_rest_becomes_as_smooth_as_a_still() {
     let mut studio = Studio::new(&device(), direct(&[]));
     let scene = moving();
