@@ -18,6 +18,7 @@ use glam::{Mat4, Vec2, Vec3};
 use crate::passes::{Missing, Passes};
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
 use crate::plan::{Built, Plan};
+use crate::still_passes::StillPasses;
 use crate::view_state::Histories;
 use crate::{Error, LoadedScene, Pipeline, Settings, Trees, View, ViewState};
 
@@ -39,6 +40,8 @@ pub struct Renderer {
     pub(crate) pool: TexturePool,
     // Of stills.
     pub(crate) still_view: Option<ViewState>,
+    // What stills are made with beside frames.
+    pub(crate) still_passes: Option<StillPasses>,
 }
 
 /// A frame that is ready to be recorded.
@@ -91,6 +94,7 @@ impl Renderer {
             generation: 0,
             pool: TexturePool::default(),
             still_view: None,
+            still_passes: None,
         })
     }
 

@@ -79,6 +79,11 @@ impl Library {
         self
     }
 
+    /// Whether both have the same modules: what was compiled from one serves the other.
+    pub fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.shaders, &other.shaders)
+    }
+
     /// Paths of all entry files: those whose name ends in `.cs.wesl` or `.rs.wesl`.
     pub fn entries(&self) -> impl Iterator<Item = &'static str> {
         self.files
