@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use chiaro::{Aov, Pixels, Recorder, Still, StillOptions};
+use chiaro::{Pixels, Recorder, Still, StillOptions};
 use chiaro_image::{Image, Picture, Precision, write_exr, write_png};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::args::RenderArgs;
 use crate::left;
 use crate::output::print;
-use crate::session::{Session, warn_of_idle};
+use crate::session::{Session, settings, warn_of_idle};
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
 
 #[derive(Serialize)]
@@ -29,6 +29,7 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
     }
     let (aovs, left) = left::names(&args.aovs)?;
     warn_of_idle(&args.settings)?;
+    left::warn_of_black(&aovs, &settings(&args.settings)?);
     let mut session = Session::open(&args.scene, &args.settings)?;
     let options = StillOptions { size: session.size, samples: args.samples, aovs, left };
     let mut recorder = Recorder::new(&session.gpu, true);
@@ -123,7 +124,7 @@ pub fn write(session: &Session, still: Still, path: &Path) -> anyhow::Result<Vec
         write_png(path, &Picture::from_bytes(picture.width, picture.height, rgb)?)?;
     }
     for (aov, readback) in still.aovs {
-        let name = Aov::ALL.iter().find(|(known, _)| *known == aov).map_or("aov", |(_, name)| name);
+        let name = aov.name();
         let image = mean(&readback.wait(gpu)?, samples)?;
         write_exr(path.with_extension(format!("{name}.exr")), &image, Precision::Float)?;
     }
