@@ -87,8 +87,10 @@ impl LoadedScene {
     /// compiled for them.
     ///
     /// # Errors
-    /// When they had to be built anew and do not fit the adapter.
+    /// When they were built for another scene, or had to be built anew and do not fit the adapter.
     pub fn give_trees(&mut self, scene: &Scene, mut trees: Trees) -> Result<(), Error> {
+        self.check_scene(scene, "trees")?;
+        trees.check(scene)?;
         trees.update(scene, &self.pose)?;
         self.gpu.facts = trees.facts(self.gpu.facts);
         self.trees = Some(trees);
@@ -111,20 +113,16 @@ impl LoadedScene {
     /// making ([`Pose::set_world`]), which may have any node, light or camera elsewhere. The next frame shows it, and knows where everything was
     /// before. The sky that places see stays that of the scene at rest. A loaded scene starts with the pose at time 0. Where
     /// [`Scene::settle`] has chosen another origin, views must count from it too, as [`View::from_pose`] does.
-    /// What a pose puts at places that are no numbers, or beyond all scenes, is not seen and casts no shadow.
+    /// What a pose puts beyond all scenes is not seen and casts no shadow.
     ///
-    /// # Panics
-    /// When the scene or the pose has other nodes than what was loaded.
+    /// # Errors
+    /// When the scene has other nodes than what was loaded, or [`Scene::validate_pose`] refuses the pose. Everything then
+    /// stands as before.
     ///
     /// [`View::from_pose`]: crate::View::from_pose
-    pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) {
-        let nodes = self.pose.world_from_node.len();
-        assert!(
-            scene.nodes.len() == nodes && pose.world_from_node.len() == nodes,
-            "a scene of {nodes} nodes takes no pose of {} in a scene of {}",
-            pose.world_from_node.len(),
-            scene.nodes.len(),
-        );
+    pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) -> Result<(), Error> {
+        self.check_scene(scene, "pose")?;
+        scene.validate_pose(pose)?;
         let (origin, strayed) = (self.gpu.motion.origin(), self.gpu.motion.strayed_bounds_ws().len());
         self.gpu.set_pose(scene, pose);
         let motion = &self.gpu.motion;
@@ -139,6 +137,17 @@ impl LoadedScene {
         self.pose.clone_from(pose);
         // Trees that do not fit any more are missed by name when the next frame is prepared.
         self.trees = self.trees.take().and_then(|mut trees| trees.update(scene, pose).ok().map(|()| trees));
+        Ok(())
+    }
+
+    /// Refuses what belongs to a scene that this was not loaded from, as far as counting tells.
+    fn check_scene(&self, scene: &Scene, what: &'static str) -> Result<(), Error> {
+        let (own, other) = (self.pose.world_from_node.len(), scene.nodes.len());
+        if own == other {
+            return Ok(());
+        }
+        let problem = format!("it is of a scene of {other} nodes, and the one that was loaded has {own}");
+        Err(Error::Foreign { what, problem })
     }
 
     /// Takes over how strong, coloured, far-reaching and wide the lights of `scene` are, and of what kind: the scene that

@@ -228,11 +228,8 @@ impl Renderer {
             return Err(Error::NoPasses);
         }
         let settings = &self.resolved;
+        check_view(view, size_px, jitter_px)?;
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
-        if !(clip_from_ws.is_finite() && view.relative_from_clip(size_px, jitter_px).is_finite()) {
-            let problem = "is not finite: see the view's place, angle and near plane";
-            return Err(Error::Matrix { matrix: "clip_from_world", problem });
-        }
         let steady = view.clip_from_ws(size_px, Vec2::ZERO);
         let bounds = scene.gpu.bounds_ws;
         let camera = CameraView {
@@ -360,6 +357,16 @@ pub(crate) fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), Error> {
 }
 
 /// How much sky the eye sees; looked up again only when it moved.
+/// Whether the view has a matrix.
+pub(crate) fn check_view(view: &View, size_px: [u32; 2], jitter_px: Vec2) -> Result<(), Error> {
+    let matrices = [view.clip_from_ws(size_px, jitter_px), view.relative_from_clip(size_px, jitter_px)];
+    if matrices.iter().all(Mat4::is_finite) {
+        return Ok(());
+    }
+    let problem = "is not finite: see the view's place, angle and near plane";
+    Err(Error::Matrix { matrix: "clip_from_world", problem })
+}
+
 fn sky_view(history: &mut Histories, scene: &LoadedScene, eye_ws: Vec3) -> SkyView {
     let key = (scene.gpu.id(), eye_ws.as_dvec3() + scene.gpu.motion.origin());
     if let Some(view) = history.sky.get(&key) {

@@ -121,7 +121,7 @@ fn an_origin_that_moves_between_frames_changes_nothing() {
     let coarse = studio.radiance(&loaded, &view, SIZE, 4);
     assert!(nmae(&coarse, &right) > 2e-3, "the file's own coordinates would do");
     assert!(scene.settle(Some(seen(far, 1.0).eye_m)));
-    loaded.set_pose(&scene, &scene.pose(0.0));
+    loaded.set_pose(&scene, &scene.pose(0.0)).unwrap();
     let found = studio.radiance(&loaded, &seen(far, 1.0).view(&scene), SIZE, 4);
     assert!(nmae(&found, &right) < 1e-6, "{}", nmae(&found, &right));
 }
