@@ -57,8 +57,8 @@ impl LoadedScene {
     ) -> Self {
         let pose = scene.pose(0.0);
         let (lights, directional) = light_data(scene, &pose);
-        let radiance_scale = radiance_scale(&gpu, scene, &lights, environment.as_ref());
         let casters = Casters::new(scene, &pose, &[]);
+        let radiance_scale = radiance_scale((&gpu, &casters), scene, &lights, environment.as_ref());
         Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose, trees: None }
     }
 
@@ -123,16 +123,16 @@ impl LoadedScene {
     pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) -> Result<(), Error> {
         self.check_scene(scene, "pose")?;
         scene.validate_pose(pose)?;
-        let (origin, strayed) = (self.gpu.motion.origin(), self.gpu.motion.strayed_bounds_ws().len());
+        let (origin, strayed) = (self.gpu.motion.origin(), self.gpu.motion.strayed().len());
         self.gpu.set_pose(scene, pose);
         let motion = &self.gpu.motion;
         if origin != scene.origin {
             self.openness = Openness::new(scene);
         }
-        if origin != scene.origin || strayed != motion.strayed_bounds_ws().len() {
+        if origin != scene.origin || strayed != motion.strayed().len() {
             self.casters = Casters::new(scene, &scene.pose(0.0), &motion.strayed());
         }
-        self.casters.hold(motion.strayed_bounds_ws());
+        self.casters.hold(motion.present_bounds_ws());
         (self.lights, self.directional) = light_data(scene, pose);
         self.pose.clone_from(pose);
         // Trees that do not fit any more are missed by name when the next frame is prepared.
@@ -154,18 +154,23 @@ impl LoadedScene {
     /// this was loaded from, with other [`Scene::lights`]. The next frame shows it.
     pub fn set_lights(&mut self, scene: &Scene) {
         (self.lights, self.directional) = light_data(scene, &self.pose);
-        self.radiance_scale = radiance_scale(&self.gpu, scene, &self.lights, self.environment.as_ref());
+        let (gpu, casters) = (&self.gpu, &self.casters);
+        self.radiance_scale = radiance_scale((gpu, casters), scene, &self.lights, self.environment.as_ref());
     }
 }
 
 /// Stored radiance per nit.
 fn radiance_scale(
-    gpu: &SceneGpu,
+    (gpu, casters): (&SceneGpu, &Casters),
     scene: &Scene,
     lights: &[LightData],
     environment: Option<&EnvironmentMap>,
 ) -> f32 {
-    let radiance = illuminance_scale(lights, gpu.bounds_ws) / std::f32::consts::PI;
+    let illuminance = lights.iter().map(|light| {
+        let around = casters.around(light.position_ws.into()).unwrap_or(gpu.bounds_ws);
+        illuminance_scale(std::slice::from_ref(light), around)
+    });
+    let radiance = illuminance.fold(0.0, f32::max) / std::f32::consts::PI;
     let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
     let around = environment.map_or(0.0, |map| map.harmonics.mean.max_element());
     let brightest = radiance.max(glow).max(around);

@@ -232,6 +232,7 @@ impl Renderer {
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
         let steady = view.clip_from_ws(size_px, Vec2::ZERO);
         let bounds = scene.gpu.bounds_ws;
+        let around_eye = scene.casters.around(view.eye_ws()).unwrap_or(bounds);
         let camera = CameraView {
             eye_ws: view.eye_ws(),
             forward_ws: view.forward_ws(),
@@ -255,7 +256,7 @@ impl Renderer {
         let turn = settings.environment.rotation.to_radians();
         let mean = map.map(|map| map.harmonics.mean * factor);
         let Ambient { radiance: around, sky, environment: share } =
-            ambient(&settings.indirect, &lights, bounds, sky_view, mean);
+            ambient(&settings.indirect, &lights, around_eye, sky_view, mean);
         let [show_direct, show_indirect] = settings.camera.show.weights();
         // Behind everything is a light's own radiance.
         let sky = sky * show_direct;
@@ -271,7 +272,7 @@ impl Renderer {
             directional_lights: scene.directional() as u32,
             local_lights: (lights.len() - scene.directional()) as u32,
             grid,
-            grid_slices: slices(view, bounds, grid[2]),
+            grid_slices: slices(view, around_eye, grid[2]),
             lighting_model: settings.surface.lighting as u32,
             show_unlit: 0.0,
             ambient: around.map(|channel| channel.to_array()),
@@ -356,7 +357,6 @@ pub(crate) fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), Error> {
     Ok(())
 }
 
-/// How much sky the eye sees; looked up again only when it moved.
 /// Whether the view has a matrix.
 pub(crate) fn check_view(view: &View, size_px: [u32; 2], jitter_px: Vec2) -> Result<(), Error> {
     let matrices = [view.clip_from_ws(size_px, jitter_px), view.relative_from_clip(size_px, jitter_px)];
@@ -367,6 +367,7 @@ pub(crate) fn check_view(view: &View, size_px: [u32; 2], jitter_px: Vec2) -> Res
     Err(Error::Matrix { matrix: "clip_from_world", problem })
 }
 
+/// How much sky the eye sees; looked up again only when it moved.
 fn sky_view(history: &mut Histories, scene: &LoadedScene, eye_ws: Vec3) -> SkyView {
     let key = (scene.gpu.id(), eye_ws.as_dvec3() + scene.gpu.motion.origin());
     if let Some(view) = history.sky.get(&key) {
