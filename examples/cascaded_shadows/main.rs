@@ -28,7 +28,7 @@ fn picture(gpu: &Gpu, size: [u32; 2]) -> Result<chiaro_image::Picture> {
     let sun = Light { name, kind, color: Vec3::ONE, intensity: 1.0, range_m: None };
     let towards = Quat::from_rotation_arc(Vec3::NEG_Z, posts::SUN.normalize());
     let view = View::look_at(Vec3::new(0.0, 6.0, 30.0), Vec3::new(0.0, 0.0, 12.0), 0.9, 0.1);
-    shadows.fit(&[(sun, Affine3A::from_quat(towards))], (&view, size), posts::BOUNDS_WS);
+    shadows.fit(&[(sun, Affine3A::from_quat(towards))], (&view, size), posts::BOUNDS_WS)?;
     let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
     for map in shadows.maps() {
         program.draw_depth(&gpu.device, &mut encoder, map.clip_from_world, map.depth);

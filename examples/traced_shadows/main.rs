@@ -47,7 +47,7 @@ fn picture(gpu: &Gpu, size: [u32; 2], rays: u32) -> Result<chiaro_image::Picture
     let sun = Light { name, kind, color: Vec3::ONE, intensity: 1.0, range_m: None };
     let towards = Affine3A::from_quat(Quat::from_rotation_arc(Vec3::NEG_Z, host::SUN.normalize()));
     let view = View::look_at(Vec3::new(5.0, 4.0, 9.0), Vec3::new(0.0, 1.0, 0.0), 0.7, 0.1);
-    shadows.set(&[(sun, towards)], (&view, size));
+    shadows.set(&[(sun, towards)], (&view, size))?;
     let mut encoder = gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
     program.draw(&gpu.device, &mut encoder, view.clip_from_ws(size, Vec2::ZERO), shadows.bind_group());
     gpu.queue.submit([encoder.finish()]);

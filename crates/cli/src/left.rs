@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use chiaro::{Aov, Gpu, Left, LeftOver, Pixels, Recorder, Samples};
+use chiaro::{Aov, Gpu, Left, LeftOver, Pixels, Recorder, Samples, Settings};
 use chiaro_image::{Layers, write_layers};
 
 use crate::output::{WrongUsage, print};
@@ -26,6 +26,15 @@ pub fn names(asked: &[String]) -> anyhow::Result<(Vec<Aov>, Vec<String>)> {
         })
     });
     Ok((quantities.collect::<Result<_, _>>()?, left))
+}
+
+/// Tells which quantities these settings leave black, and why.
+pub fn warn_of_black(aovs: &[Aov], settings: &Settings) {
+    for aov in aovs {
+        if let Some(only) = settings.blackens(*aov) {
+            eprintln!("warning: --aov {} is black here: there are shadow maps {only}", aov.name());
+        }
+    }
 }
 
 /// Prints all that `--aov` takes with these settings.

@@ -35,6 +35,7 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
     let format = Format::of(args)?;
     warn_of_idle(&args.settings)?;
     let mut settings = settings(&args.settings)?;
+    left::warn_of_black(&aovs, &settings);
     let moving = args.time.frames.is_some();
     let samples = args.samples.unwrap_or(if moving && settings.smooths() { 1 } else { 16 });
     if !moving || samples > 1 {
@@ -142,7 +143,7 @@ fn write_beside(
     path: &Path,
 ) -> anyhow::Result<Vec<PathBuf>> {
     for (aov, readback) in aovs {
-        let name = Aov::ALL.iter().find(|(known, _)| *known == aov).map_or("aov", |(_, name)| name);
+        let name = aov.name();
         let image = mean(&readback.wait(gpu)?, samples)?;
         write_exr(path.with_extension(format!("{name}.exr")), &image, Precision::Float)?;
     }

@@ -138,7 +138,7 @@ impl<R> Session<R> {
     /// Moves scene and camera to a moment.
     pub fn go_to(&mut self, time_s: f64) -> anyhow::Result<()> {
         let (pose, view) = settle(&mut self.source, time_s, self.eye)?;
-        self.scene.set_pose(&self.source, &pose);
+        self.scene.set_pose(&self.source, &pose)?;
         self.view = view;
         Ok(())
     }

@@ -155,6 +155,22 @@ fn what_draws_nothing_says_so_and_is_a_picture() {
 }
 
 #[test]
+fn a_quantity_that_settings_leave_black_says_why() {
+    let picture = scratch("black.png");
+    let flags = ["--size", "8x6", "--samples", "1", "--aov", "shadow_texels", "--aov", "depth", "-o"];
+    let render = |layout: &str| {
+        let set = format!("shadow.layout={layout}");
+        let output = chiaro(
+            &[&["render", "builtin:cornell", "--set", &set], &flags[..], &[picture.to_str().unwrap()]]
+                .concat(),
+        );
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stderr).matches("is black here").count()
+    };
+    assert_eq!([render("traced"), render("none"), render("cascaded")], [1, 1, 0]);
+}
+
+#[test]
 fn wrong_usage_exits_with_2_and_says_what_is_right() {
     assert_fails(&chiaro(&[]), 2, &["Usage"]);
     assert_fails(&chiaro(&["paint"]), 2, &["paint"]);

@@ -88,6 +88,11 @@ impl Created {
         self.objects.load(Ordering::Relaxed)
     }
 
+    /// Pipelines made so far, by any thread.
+    pub fn pipelines(&self) -> u64 {
+        self.pipelines.lock().unwrap_or_else(PoisonError::into_inner).values().sum()
+    }
+
     /// Pipelines made so far by the calling thread. A thread that draws frames should make none.
     pub fn pipelines_here(&self) -> u64 {
         let pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);

@@ -48,6 +48,14 @@ pub enum Error {
     /// Rays were asked for, and the scene has no trees for them.
     #[error("settings shoot rays at a scene that has no trees for them: give it some by `Renderer::equip`")]
     NoTrees,
+    /// A pose or trees that are not of the scene that was loaded.
+    #[error("{what} of another scene: {problem}")]
+    Foreign {
+        /// `pose` or `trees`.
+        what: &'static str,
+        /// How it is seen.
+        problem: String,
+    },
     /// The scene draws what no pass was compiled for.
     #[error(
         "no passes are compiled for what this scene draws: `Renderer::equip` compiles them, or `Renderer::plan`"
@@ -66,6 +74,14 @@ pub enum Error {
     Matrix {
         /// `view_from_world`, `clip_from_view`, or what follows from both.
         matrix: &'static str,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+    /// Lights or bounds that shadows cannot be fitted to.
+    #[error("shadows cannot be fitted: {what} {problem}")]
+    Unfit {
+        /// Which light, or the bounds.
+        what: String,
         /// What is wrong with it.
         problem: &'static str,
     },

@@ -67,6 +67,7 @@ mod reference;
 mod renderer;
 mod settings;
 mod still;
+mod still_passes;
 mod trees;
 mod view;
 mod view_state;

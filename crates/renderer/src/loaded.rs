@@ -57,8 +57,8 @@ impl LoadedScene {
     ) -> Self {
         let pose = scene.pose(0.0);
         let (lights, directional) = light_data(scene, &pose);
-        let radiance_scale = radiance_scale(&gpu, scene, &lights, environment.as_ref());
         let casters = Casters::new(scene, &pose, &[]);
+        let radiance_scale = radiance_scale((&gpu, &casters), scene, &lights, environment.as_ref());
         Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose, trees: None }
     }
 
@@ -87,8 +87,10 @@ impl LoadedScene {
     /// compiled for them.
     ///
     /// # Errors
-    /// When they had to be built anew and do not fit the adapter.
+    /// When they were built for another scene, or had to be built anew and do not fit the adapter.
     pub fn give_trees(&mut self, scene: &Scene, mut trees: Trees) -> Result<(), Error> {
+        self.check_scene(scene, "trees")?;
+        trees.check(scene)?;
         trees.update(scene, &self.pose)?;
         self.gpu.facts = trees.facts(self.gpu.facts);
         self.trees = Some(trees);
@@ -111,52 +113,64 @@ impl LoadedScene {
     /// making ([`Pose::set_world`]), which may have any node, light or camera elsewhere. The next frame shows it, and knows where everything was
     /// before. The sky that places see stays that of the scene at rest. A loaded scene starts with the pose at time 0. Where
     /// [`Scene::settle`] has chosen another origin, views must count from it too, as [`View::from_pose`] does.
-    /// What a pose puts at places that are no numbers, or beyond all scenes, is not seen and casts no shadow.
+    /// What a pose puts beyond all scenes is not seen and casts no shadow.
     ///
-    /// # Panics
-    /// When the scene or the pose has other nodes than what was loaded.
+    /// # Errors
+    /// When the scene has other nodes than what was loaded, or [`Scene::validate_pose`] refuses the pose. Everything then
+    /// stands as before.
     ///
     /// [`View::from_pose`]: crate::View::from_pose
-    pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) {
-        let nodes = self.pose.world_from_node.len();
-        assert!(
-            scene.nodes.len() == nodes && pose.world_from_node.len() == nodes,
-            "a scene of {nodes} nodes takes no pose of {} in a scene of {}",
-            pose.world_from_node.len(),
-            scene.nodes.len(),
-        );
-        let (origin, strayed) = (self.gpu.motion.origin(), self.gpu.motion.strayed_bounds_ws().len());
+    pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) -> Result<(), Error> {
+        self.check_scene(scene, "pose")?;
+        scene.validate_pose(pose)?;
+        let (origin, strayed) = (self.gpu.motion.origin(), self.gpu.motion.strayed().len());
         self.gpu.set_pose(scene, pose);
         let motion = &self.gpu.motion;
         if origin != scene.origin {
             self.openness = Openness::new(scene);
         }
-        if origin != scene.origin || strayed != motion.strayed_bounds_ws().len() {
+        if origin != scene.origin || strayed != motion.strayed().len() {
             self.casters = Casters::new(scene, &scene.pose(0.0), &motion.strayed());
         }
-        self.casters.hold(motion.strayed_bounds_ws());
+        self.casters.hold(motion.present_bounds_ws());
         (self.lights, self.directional) = light_data(scene, pose);
         self.pose.clone_from(pose);
         // Trees that do not fit any more are missed by name when the next frame is prepared.
         self.trees = self.trees.take().and_then(|mut trees| trees.update(scene, pose).ok().map(|()| trees));
+        Ok(())
+    }
+
+    /// Refuses what belongs to a scene that this was not loaded from, as far as counting tells.
+    fn check_scene(&self, scene: &Scene, what: &'static str) -> Result<(), Error> {
+        let (own, other) = (self.pose.world_from_node.len(), scene.nodes.len());
+        if own == other {
+            return Ok(());
+        }
+        let problem = format!("it is of a scene of {other} nodes, and the one that was loaded has {own}");
+        Err(Error::Foreign { what, problem })
     }
 
     /// Takes over how strong, coloured, far-reaching and wide the lights of `scene` are, and of what kind: the scene that
     /// this was loaded from, with other [`Scene::lights`]. The next frame shows it.
     pub fn set_lights(&mut self, scene: &Scene) {
         (self.lights, self.directional) = light_data(scene, &self.pose);
-        self.radiance_scale = radiance_scale(&self.gpu, scene, &self.lights, self.environment.as_ref());
+        let (gpu, casters) = (&self.gpu, &self.casters);
+        self.radiance_scale = radiance_scale((gpu, casters), scene, &self.lights, self.environment.as_ref());
     }
 }
 
 /// Stored radiance per nit.
 fn radiance_scale(
-    gpu: &SceneGpu,
+    (gpu, casters): (&SceneGpu, &Casters),
     scene: &Scene,
     lights: &[LightData],
     environment: Option<&EnvironmentMap>,
 ) -> f32 {
-    let radiance = illuminance_scale(lights, gpu.bounds_ws) / std::f32::consts::PI;
+    let illuminance = lights.iter().map(|light| {
+        let around = casters.around(light.position_ws.into()).unwrap_or(gpu.bounds_ws);
+        illuminance_scale(std::slice::from_ref(light), around)
+    });
+    let radiance = illuminance.fold(0.0, f32::max) / std::f32::consts::PI;
     let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
     let around = environment.map_or(0.0, |map| map.harmonics.mean.max_element());
     let brightest = radiance.max(glow).max(around);

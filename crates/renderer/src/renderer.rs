@@ -19,6 +19,7 @@ use crate::moving::{Look, Moves, Sampling};
 use crate::passes::{Missing, Passes};
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
 use crate::plan::{Built, Plan};
+use crate::still_passes::StillPasses;
 use crate::view_state::{Histories, Rooms};
 use crate::{Error, LoadedScene, Pipeline, Settings, Trees, View, ViewState};
 
@@ -40,6 +41,8 @@ pub struct Renderer {
     pub(crate) pool: TexturePool,
     // Of stills.
     pub(crate) still_view: Option<ViewState>,
+    // What stills are made with beside frames.
+    pub(crate) still_passes: Option<StillPasses>,
 }
 
 /// A frame that is ready to be recorded.
@@ -94,6 +97,7 @@ impl Renderer {
             generation: 0,
             pool: TexturePool::default(),
             still_view: None,
+            still_passes: None,
         })
     }
 
@@ -227,6 +231,7 @@ impl Renderer {
             return Err(Error::NoPasses);
         }
         let settings = &self.resolved;
+        check_view(view, size_px, Vec2::ZERO)?;
         let sampling = sampling.into();
         let smooths = sampling == Sampling::Moving && settings.smooths();
         let look = Look { scene, view, size_px, settings };
@@ -240,12 +245,9 @@ impl Renderer {
             Sampling::Moving | Sampling::Steady => moves.as_ref().map_or((Vec2::ZERO, 1.0), Moves::sampling),
         };
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
-        if !(clip_from_ws.is_finite() && view.relative_from_clip(size_px, jitter_px).is_finite()) {
-            let problem = "is not finite: see the view's place, angle and near plane";
-            return Err(Error::Matrix { matrix: "clip_from_world", problem });
-        }
         let steady = view.clip_from_ws(size_px, Vec2::ZERO);
         let bounds = scene.gpu.bounds_ws;
+        let around_eye = scene.casters.around(view.eye_ws()).unwrap_or(bounds);
         let camera = CameraView {
             eye_ws: view.eye_ws(),
             forward_ws: view.forward_ws(),
@@ -269,7 +271,7 @@ impl Renderer {
         let turn = settings.environment.rotation.to_radians();
         let mean = map.map(|map| map.harmonics.mean * factor);
         let Ambient { radiance: around, sky, environment: share } =
-            ambient(&settings.indirect, &lights, bounds, sky_view, mean);
+            ambient(&settings.indirect, &lights, around_eye, sky_view, mean);
         let [show_direct, show_indirect] = settings.camera.show.weights();
         // Behind everything is a light's own radiance.
         let sky = sky * show_direct;
@@ -285,7 +287,7 @@ impl Renderer {
             directional_lights: scene.directional() as u32,
             local_lights: (lights.len() - scene.directional()) as u32,
             grid,
-            grid_slices: slices(view, bounds, grid[2]),
+            grid_slices: slices(view, around_eye, grid[2]),
             lighting_model: settings.surface.lighting as u32,
             show_unlit: 0.0,
             ambient: around.map(|channel| channel.to_array()),
@@ -379,6 +381,16 @@ pub(crate) fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), Error> {
         return Err(Error::Size { size, most });
     }
     Ok(())
+}
+
+/// Whether the view has a matrix.
+pub(crate) fn check_view(view: &View, size_px: [u32; 2], jitter_px: Vec2) -> Result<(), Error> {
+    let matrices = [view.clip_from_ws(size_px, jitter_px), view.relative_from_clip(size_px, jitter_px)];
+    if matrices.iter().all(Mat4::is_finite) {
+        return Ok(());
+    }
+    let problem = "is not finite: see the view's place, angle and near plane";
+    Err(Error::Matrix { matrix: "clip_from_world", problem })
 }
 
 /// How much sky the eye sees; looked up again only when it moved.

@@ -7,7 +7,7 @@ use chiaro_techniques::caustics::CausticsSettings;
 use chiaro_techniques::choice;
 use chiaro_techniques::environment::EnvironmentSettings;
 use chiaro_techniques::indirect::IndirectSettings;
-use chiaro_techniques::post::{CameraSettings, PostSettings, Smoothing};
+use chiaro_techniques::post::{Aov, CameraSettings, PostSettings, Smoothing};
 use chiaro_techniques::settings::{Clause, Condition, Effect, Field, SettingsGroup, Value};
 use chiaro_techniques::shadow::{Layout, ShadowSettings};
 use chiaro_techniques::view::raster::ComputeRaster;
@@ -169,7 +169,16 @@ impl Settings {
     /// Why a key does nothing beside the others: the condition that it, or a key of its condition, does not meet. `None`
     /// where it matters.
     pub fn idle(&self, key: &str) -> Option<Condition> {
-        let only = Self::fields().iter().find(|field| field.key == key)?.only?;
+        self.unmet(Self::fields().iter().find(|field| field.key == key)?.only?)
+    }
+
+    /// Why a quantity is black with these settings: the condition that it, or a key of its condition, does not meet. `None`
+    /// where there is something to see.
+    pub fn blackens(&self, aov: Aov) -> Option<Condition> {
+        self.unmet(aov.only()?)
+    }
+
+    fn unmet(&self, only: Condition) -> Option<Condition> {
         let mut reasons = Vec::new();
         let mut meets = |clause: Clause| {
             let value = self.get(clause.key).unwrap_or_default();

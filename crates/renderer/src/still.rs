@@ -1,12 +1,13 @@
 //! Stills: jittered frames averaged, with single quantities beside the picture.
 
-use chiaro_gpu::{Frame, Readback, Recorder, parallel};
-use chiaro_techniques::post::{Accumulator, Aov, AovPass, Display, Sum};
+use chiaro_gpu::{Frame, Readback, Recorder};
+use chiaro_techniques::post::{Aov, AovPass, Display, Sum};
 
 use crate::jitter::Jitter;
 use crate::left::Wanted;
 use crate::renderer::check_size;
-use crate::{Error, FrameOutputs, Kit, LeftOver, LoadedScene, Renderer, Sampling, View, ViewState};
+use crate::still_passes::StillPasses;
+use crate::{Error, FrameOutputs, LeftOver, LoadedScene, Renderer, Sampling, View, ViewState};
 
 /// What to make.
 #[derive(Clone, Debug)]
@@ -74,20 +75,15 @@ impl Renderer {
         options: &StillOptions,
         mut progress: impl FnMut(u32),
     ) -> Result<Still, Error> {
-        let Kit { gpu, library, .. } = self.kit().clone();
+        let gpu = self.gpu().clone();
         let size = options.size;
         check_size(&gpu, size)?;
         let samples = options.samples.max(1);
         let jitter = Jitter::new(samples);
-        let (kit, permutations) = (self.kit().clone(), self.permutations());
-        let aov_pass = || {
-            let count = options.aovs.len();
-            (count > 0).then(|| AovPass::new(&kit, permutations, count)).transpose()
-        };
-        let (aov_pass, (accumulator, display)) = parallel::join(aov_pass, || {
-            parallel::join(|| Accumulator::new(&gpu, &library), || Display::new(&gpu, &library))
-        });
-        let (aov_pass, accumulator, display) = (aov_pass?, accumulator?, display?);
+        let wanted = (self.permutations(), options.aovs.len());
+        let passes = StillPasses::new(self.still_passes.take(), self.kit(), wanted)?;
+        let StillPasses { aovs: aov_pass, accumulator, display, .. } = &passes;
+        let aov_pass = aov_pass.as_ref().map(|(_, pass)| pass).filter(|_| !options.aovs.is_empty());
         let mut sum = Sum::new(&gpu, &self.pool, size);
         let mut unlit = scene.gpu.unlit.then(|| Sum::new(&gpu, &self.pool, size));
         let mut aov_sums: Vec<_> = options.aovs.iter().map(|_| Sum::new(&gpu, &self.pool, size)).collect();
@@ -107,7 +103,7 @@ impl Renderer {
             let prepared = self.prepare(&mut state, scene, view, size, Sampling::Steady)?;
             let mut frame = recorder.begin();
             let outputs = prepared.record(&mut frame, true);
-            record_motion(&mut frame, (&options.aovs, aov_pass.as_ref()), &outputs, samples, &mut aov_sums);
+            record_motion(&mut frame, (&options.aovs, aov_pass), &outputs, samples, &mut aov_sums);
             frame.submit();
         }
         for index in 0..samples {
@@ -129,7 +125,7 @@ impl Renderer {
             if let (Some(color), Some(unlit)) = (&outputs.unlit, &mut unlit) {
                 accumulator.record(&mut frame, color, 1.0, unlit);
             }
-            if let (Some(pass), Some(surface)) = (&aov_pass, &outputs.surface) {
+            if let (Some(pass), Some(surface)) = (aov_pass, &outputs.surface) {
                 let summed = options.aovs.iter().zip(&mut aov_sums).enumerate();
                 for (number, (aov, aov_sum)) in summed.filter(|(_, (aov, _))| **aov != Aov::Motion) {
                     let inputs = (surface, &outputs.shadows, &outputs.light_grid);
@@ -138,7 +134,7 @@ impl Renderer {
                 }
             }
             if goes_on {
-                record_motion(&mut frame, (&options.aovs, aov_pass.as_ref()), &outputs, 1, &mut aov_sums);
+                record_motion(&mut frame, (&options.aovs, aov_pass), &outputs, 1, &mut aov_sums);
             }
             if index + 1 == samples {
                 display.record(&mut frame, &self.settings().camera, (&sum, unlit.as_ref()), &picture);
@@ -148,6 +144,7 @@ impl Renderer {
             progress(index + 1);
         }
         self.still_view = Some(state);
+        self.still_passes = Some(passes);
         let aovs = options.aovs.iter().zip(&aov_sums);
         let aovs = aovs.map(|(aov, sum)| Ok((*aov, Readback::start(&gpu, sum.texture())?)));
         Ok(Still {

@@ -15,6 +15,8 @@ const LOOK_EVERY: u64 = 32;
 pub struct Trees {
     gpu: Gpu,
     pub(crate) traced: TraceScene,
+    // Of the scene that they were built for.
+    shape: u64,
     // Nodes that are carried though no animation moves them.
     moved: Vec<Id>,
     worn: bool,
@@ -32,7 +34,17 @@ impl Trees {
     pub fn build(gpu: &Gpu, scene: &Scene, pose: &Pose, moved: &[Id]) -> Result<Self, Error> {
         let traced = TraceData::build(scene, pose, moved).upload(gpu)?;
         let (gpu, moved) = (gpu.clone(), moved.to_vec());
-        Ok(Self { gpu, traced, moved, worn: false, boxes: None, until_look: LOOK_EVERY })
+        let shape = shape(scene);
+        Ok(Self { gpu, traced, shape, moved, worn: false, boxes: None, until_look: LOOK_EVERY })
+    }
+
+    /// Refuses a scene that they were not built for.
+    pub(crate) fn check(&self, scene: &Scene) -> Result<(), Error> {
+        if self.shape == shape(scene) {
+            return Ok(());
+        }
+        let problem = "they were built for meshes that the scene does not have".into();
+        Err(Error::Foreign { what: "trees", problem })
     }
 
     /// Those of an uploaded scene, with what shaders that shoot rays at it have to know.
@@ -70,4 +82,27 @@ impl Trees {
         }
         self.worn
     }
+}
+
+/// A hash of what trees are built of: which node draws which triangles of which material. A word at a time, so that it takes
+/// about a hundredth of the time that building does.
+fn shape(scene: &Scene) -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
+    for node in &scene.nodes {
+        add(node.mesh.map_or(0, |mesh| mesh as u64 + 1));
+    }
+    for (number, primitive) in
+        (0..).zip(&scene.meshes).flat_map(|(number, mesh)| mesh.primitives.iter().map(move |p| (number, p)))
+    {
+        add(number);
+        add(primitive.material as u64);
+        add(primitive.positions.len() as u64);
+        add(primitive.indices.len() as u64);
+        for position in &primitive.positions {
+            position.to_array().into_iter().for_each(|x| add(x.to_bits().into()));
+        }
+        primitive.indices.iter().for_each(|&index| add(index.into()));
+    }
+    hash
 }

@@ -19,7 +19,8 @@ pub struct Pose {
 
 impl Pose {
     /// Stands a node, with all that hangs on it, elsewhere: animated or not, a mesh, a camera or a light. `scene` is the one
-    /// that the pose is of. What hangs on a node squeezed flat is not carried along.
+    /// that the pose is of. What hangs on a node squeezed flat is not carried along. A transform that is not finite is told
+    /// by whoever takes the pose ([`Scene::validate_pose`]).
     ///
     /// # Panics
     /// When the scene has no such node.

@@ -4,7 +4,7 @@ use glam::{Vec3, Vec4};
 
 use crate::{
     AlphaMode, Animation, Camera, Channel, Environment, ImageData, Interpolation, Keys, Light, LightKind,
-    Material, Mesh, Node, Primitive, Projection, Reflection, Scene, SceneError, Skin,
+    Material, Mesh, Node, Pose, Primitive, Projection, Reflection, Scene, SceneError, Skin,
 };
 
 type Check = Result<(), String>;
@@ -19,7 +19,39 @@ macro_rules! ensure {
     };
 }
 
+/// A part of a scene, for messages.
+fn named(kind: &str, index: usize, name: &str) -> String {
+    if name.is_empty() { format!("{kind} {index}") } else { format!("{kind} {index} “{name}”") }
+}
+
 impl Scene {
+    /// Checks that a pose is one of this scene: that it has every node, at a finite place, with all morph weights.
+    ///
+    /// # Errors
+    /// [`SceneError::Unsound`], which names the first node that is wrong.
+    pub fn validate_pose(&self, pose: &Pose) -> Result<(), SceneError> {
+        let at = |place, problem| SceneError::Unsound { scene: self.name.clone(), place, problem };
+        let nodes = self.nodes.len();
+        for (what, count) in
+            [("transforms", pose.world_from_node.len()), ("sets of morph weights", pose.morph_weights.len())]
+        {
+            if count != nodes {
+                let problem = format!("it has {count} {what} for {nodes} nodes");
+                return Err(at("pose".into(), problem));
+            }
+        }
+        let placed = pose.world_from_node.iter().zip(&pose.morph_weights);
+        for (i, (node, (world, weights))) in self.nodes.iter().zip(placed).enumerate() {
+            let check = || {
+                ensure!(world.is_finite(), "its transform in the pose has a number that is not finite");
+                let targets = node.mesh.map_or(0, |mesh| self.meshes[mesh].morph_targets());
+                self::weights(weights, targets)
+            };
+            check().map_err(|problem| at(named("node", i, &node.name), problem))?;
+        }
+        Ok(())
+    }
+
     /// Checks that every index is in range, every stream as long as it has to be, every number finite and within its range,
     /// and that nodes form a forest. Scenes from files and built-in ones always pass, and uploading checks. It takes a few
     /// milliseconds for a million corners.
@@ -27,9 +59,6 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Unsound`], which names the first place that is wrong.
     pub fn validate(&self) -> Result<(), SceneError> {
-        let named = |kind: &str, index: usize, name: &str| {
-            if name.is_empty() { format!("{kind} {index}") } else { format!("{kind} {index} “{name}”") }
-        };
         let at =
             |place: String| move |problem| SceneError::Unsound { scene: self.name.clone(), place, problem };
         for (i, image) in self.images.iter().enumerate() {
@@ -374,6 +403,27 @@ mod tests {
             ],
             lights: vec![lamp],
             ..Scene::default()
+        }
+    }
+
+    #[test]
+    fn a_pose_that_is_none_of_the_scene_is_told_with_the_node() {
+        let scene = scene();
+        scene.validate_pose(&scene.rest()).unwrap();
+        let faults: [(fn(&mut Pose), &str); 4] = [
+            (
+                |pose| pose.world_from_node[1].translation.y = f32::NAN,
+                "scene “room”: node 1 “lamp”: its transform in the pose has a number that is not finite",
+            ),
+            (|pose| pose.world_from_node[0].matrix3.x_axis.x = f32::INFINITY, "node 0 “mast”: its transform"),
+            (|pose| pose.morph_weights[0] = vec![1.0], "node 0 “mast”: morph weights are 1 instead of 0"),
+            (|pose| pose.world_from_node.truncate(1), "pose: it has 1 transforms for 2 nodes"),
+        ];
+        for (fault, words) in faults {
+            let mut pose = scene.rest();
+            fault(&mut pose);
+            let error = scene.validate_pose(&pose).unwrap_err().to_string();
+            assert!(error.contains(words), "`{words}` is not in: {error}");
         }
     }
 

@@ -137,12 +137,12 @@ impl Value for bool {
 }
 
 macro_rules! number {
-    ($($ty:ty => $kind:ident),*) => {$(
+    ($($ty:ty => $kind:ident, $what:literal);*) => {$(
         impl Value for $ty {
             type Range = RangeInclusive<$ty>;
             fn parse(text: &str, range: &Self::Range) -> Result<Self, String> {
                 let value = text.parse::<$ty>().ok().filter(|value| range.contains(value));
-                value.ok_or_else(|| format!("a number in {}", Self::kind(range)))
+                value.ok_or_else(|| format!(concat!($what, " in {}"), Self::kind(range)))
             }
             fn show(&self) -> String {
                 self.to_string()
@@ -153,7 +153,7 @@ macro_rules! number {
         }
     )*};
 }
-number!(u32 => Whole, f32 => Number);
+number!(u32 => Whole, "a whole number"; f32 => Number, "a number");
 
 /// A struct of settings.
 pub trait SettingsGroup {
@@ -306,7 +306,9 @@ mod tests {
     #[test]
     fn a_wrong_value_says_what_is_right_and_changes_nothing() {
         let mut sample = Sample::default();
-        assert_eq!(sample.set("count", "9"), Some(Err("a number in 1..8".into())));
+        for off in ["9", "1.5"] {
+            assert_eq!(sample.set("count", off), Some(Err("a whole number in 1..8".into())));
+        }
         assert_eq!(sample.set("bias.slope", "NaN"), Some(Err("a number in 0..1".into())));
         assert_eq!(sample.set("shape", "square"), Some(Err("one of round, flat".into())));
         assert_eq!(sample.set("colour", "1"), None);

@@ -378,6 +378,16 @@ mod tests {
     }
 
     #[test]
+    fn a_shader_is_linked_to_the_same_text_every_time() {
+        // The most imports: hash sets of one process differ as those of two do.
+        let all = permutations();
+        let entry = all.iter().find(|p| p.entry == "direct/shade.cs.wesl").unwrap();
+        let text = || library().link(entry).unwrap().wgsl;
+        let first = text();
+        assert!((0..4).all(|_| text() == first));
+    }
+
+    #[test]
     fn every_entry_file_has_a_permutation() {
         let listed: Vec<_> = permutations().iter().map(|p| p.entry).collect();
         let forgotten: Vec<_> = library().entries().filter(|entry| !listed.contains(entry)).collect();

@@ -78,10 +78,31 @@ impl Studio {
     /// # Panics
     /// When the device fails.
     pub fn aov(&mut self, scene: &LoadedScene, view: &View, size: [u32; 2], samples: u32, aov: Aov) -> Image {
-        let options = StillOptions { size, samples, aovs: vec![aov], ..StillOptions::default() };
-        let mut still = need(self.renderer.still(scene, view, &options));
-        let Some((_, readback)) = still.aovs.pop() else { panic!("no {aov:?} came back") };
-        image(&need(readback.wait(&self.gpu)), samples)
+        let [image] = self.aovs(scene, view, size, samples, [aov]);
+        image
+    }
+
+    /// Several quantities of the same frames.
+    ///
+    /// # Panics
+    /// When the device fails.
+    pub fn aovs<const N: usize>(
+        &mut self,
+        scene: &LoadedScene,
+        view: &View,
+        size: [u32; 2],
+        samples: u32,
+        aovs: [Aov; N],
+    ) -> [Image; N] {
+        let options = StillOptions { size, samples, aovs: aovs.to_vec(), ..StillOptions::default() };
+        let still = need(self.renderer.still(scene, view, &options));
+        let images: Vec<_> = still
+            .aovs
+            .into_iter()
+            .map(|(_, readback)| image(&need(readback.wait(&self.gpu)), samples))
+            .collect();
+        let Ok(images) = images.try_into() else { panic!("not all of {aovs:?} came back") };
+        images
     }
 
     /// The tone-mapped picture.

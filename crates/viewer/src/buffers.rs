@@ -20,10 +20,7 @@ pub enum Source {
 impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Quantity(aov) => {
-                let name = Aov::ALL.iter().find(|(known, _)| known == aov).map_or("", |(_, name)| name);
-                f.write_str(name)
-            }
+            Self::Quantity(aov) => f.write_str(aov.name()),
             Self::Resource(name) => name.fmt(f),
         }
     }

@@ -79,9 +79,14 @@ impl Stage {
     }
 
     /// Moves everything to a moment.
-    pub fn set_time(&mut self, time_s: f64) {
-        self.pose = self.scene.pose(time_s);
-        self.loaded.set_pose(&self.scene, &self.pose);
+    ///
+    /// # Errors
+    /// When something would stand nowhere then; all stays where it is.
+    pub fn set_time(&mut self, time_s: f64) -> Result<(), chiaro::Error> {
+        let pose = self.scene.pose(time_s);
+        self.loaded.set_pose(&self.scene, &pose)?;
+        self.pose = pose;
+        Ok(())
     }
 
     /// The scene's camera of that number, at the present moment.

@@ -9,7 +9,7 @@ use chiaro::techniques::shadow::ShadowSettings;
 use chiaro::{Gpu, GpuError, Library, Lookout, Recorder, Settings, Trees, View, wgpu};
 use egui_wgpu::ScreenDescriptor;
 
-use crate::buffers::Place;
+use crate::buffers::{Place, Source as Buffer};
 use crate::camera::FlyCamera;
 use crate::engine::{Engine, Rebuilt};
 use crate::files;
@@ -340,6 +340,14 @@ impl Viewer {
     /// Names of all buffers that the newest frame has, in the order of the keys.
     pub fn buffers(&self) -> impl Iterator<Item = String> + '_ {
         self.picture.offer().iter().map(|(source, _)| source.to_string())
+    }
+
+    /// Why the buffer that is shown is black, where settings leave it nothing to show.
+    pub fn black_buffer(&self) -> Option<String> {
+        let shown = self.panel.shown_buffer;
+        let Buffer::Quantity(aov) = shown.source else { return None };
+        let only = self.wanted.blackens(aov).filter(|_| shown.place != Place::Off)?;
+        Some(format!("Black here: there are shadow maps {only}."))
     }
 
     /// Frames that the picture is the mean of.

@@ -79,6 +79,11 @@ impl Library {
         self
     }
 
+    /// Whether both have the same modules: what was compiled from one serves the other.
+    pub fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.shaders, &other.shaders)
+    }
+
     /// Paths of all entry files: those whose name ends in `.cs.wesl` or `.rs.wesl`.
     pub fn entries(&self) -> impl Iterator<Item = &'static str> {
         self.files
@@ -112,7 +117,11 @@ impl Library {
             wesl.set_feature(name, *on);
         }
         let root = module_path(permutation.entry).map_err(&fail)?;
-        Ok(wesl.compile(&root).map_err(|e| fail(e.to_string()))?.syntax)
+        let mut unit = wesl.compile(&root).map_err(|e| fail(e.to_string()))?.syntax;
+        // The linker's own order follows from hashes that are others in every run; drivers know a shader that they have
+        // compiled before by its text.
+        unit.global_declarations.sort_by_cached_key(|declaration| name(declaration.node()));
+        Ok(unit)
     }
 
     /// A permutation as the device takes it, linked once for all pipelines that are made of it.
@@ -170,6 +179,17 @@ fn number_own_bindings(linked: &mut TranslationUnit) {
         let binding = Expression::Literal(LiteralExpression::AbstractInt(*number));
         global.attributes.push(Attribute::Binding(binding.into()).into());
         *number += 1;
+    }
+}
+
+/// What a declaration is called; of what has no name, its text.
+fn name(declaration: &GlobalDeclaration) -> String {
+    match declaration {
+        GlobalDeclaration::Declaration(it) => it.ident.to_string(),
+        GlobalDeclaration::TypeAlias(it) => it.ident.to_string(),
+        GlobalDeclaration::Struct(it) => it.ident.to_string(),
+        GlobalDeclaration::Function(it) => it.ident.to_string(),
+        GlobalDeclaration::Void | GlobalDeclaration::ConstAssert(_) => declaration.to_string(),
     }
 }
 

@@ -1,33 +1,35 @@
 //! Shadows by rays, looked up by the program's shaders.
 
-use chiaro_gpu::shader::Alone;
-use chiaro_gpu::{Buffer, Gpu, wgpu};
+use std::ops::Deref;
+
+use chiaro_gpu::{Binding, Gpu};
 use chiaro_scene::{Light, Pose, Scene};
-use chiaro_techniques::frame::FIRST_LIGHT_BYTES;
 use chiaro_techniques::scene::SceneGpu;
+use chiaro_techniques::shaders;
 use chiaro_techniques::shaders::ShadowSource;
 use chiaro_techniques::shadow::{Layout, Lookup, ShadowSettings};
-use chiaro_techniques::{light, shaders};
 use glam::Affine3A;
 
-use super::group;
+use super::group::{self, Snippet};
 use crate::{Error, Trees, View};
 
 /// Shadows of any number of lights by rays through triangles that the program hands over once; no maps are drawn.
 ///
-/// Each frame: [`TracedShadows::set`], then shading with [`TracedShadows::wgsl`] in the shader and
-/// [`TracedShadows::bind_group`] in its group, on any depth and normals that the program has.
+/// Each frame: [`TracedShadows::set`], then shading with [`Snippet::wgsl`] in the shader and [`Snippet::bind_group`]
+/// in its group, on any depth and normals that the program has.
 #[derive(Debug)]
 pub struct TracedShadows {
-    gpu: Gpu,
-    settings: ShadowSettings,
-    text: Alone,
-    layout: wgpu::BindGroupLayout,
-    frame: Buffer,
-    lighting: Buffer,
+    snippet: Snippet,
     scene: SceneGpu,
     trees: Trees,
-    bind_group: wgpu::BindGroup,
+}
+
+impl Deref for TracedShadows {
+    type Target = Snippet;
+
+    fn deref(&self) -> &Snippet {
+        &self.snippet
+    }
 }
 
 impl TracedShadows {
@@ -45,73 +47,50 @@ impl TracedShadows {
         let trees = Trees::build(gpu, scene, &pose, &[])?;
         let constants = Lookup::new(&settings).constants(gpu, trees.facts(uploaded.facts));
         let text = shaders::library().alone(&shaders::shadow_alone(ShadowSource::Rays), &constants)?;
-        let layout = group::layout(gpu, &text);
-        let (frame, lighting) = (group::frame(gpu), group::lighting(gpu, 1));
-        let bind_group = bound(gpu, &layout, &text, (&frame, &lighting), (&uploaded, &trees));
-        let (gpu, scene) = (gpu.clone(), uploaded);
-        Ok(Self { gpu, settings, text, layout, frame, lighting, scene, trees, bind_group })
+        let snippet = Snippet::new(gpu, settings, text, named(&uploaded, &trees));
+        Ok(Self { snippet, scene: uploaded, trees })
     }
 
     /// Takes lights, with their poses in the world, and a camera and the size of its picture. Written to buffers by the queue:
     /// before what is submitted next.
-    pub fn set(&mut self, lights: &[(Light, Affine3A)], (view, size_px): (&View, [u32; 2])) {
-        let lights: Vec<_> = lights.iter().map(|(light, pose)| light::placed(light, pose)).collect();
-        let gpu = &self.gpu;
-        let bytes = FIRST_LIGHT_BYTES + size_of_val(lights.as_slice()) as u64;
-        if self.lighting.raw().size() < bytes {
-            self.lighting = group::lighting(gpu, lights.len());
+    ///
+    /// # Errors
+    /// When the picture has no pixels, or the view or a light's pose are not finite. What was set last then stays.
+    pub fn set(
+        &mut self,
+        lights: &[(Light, Affine3A)],
+        (view, size_px): (&View, [u32; 2]),
+    ) -> Result<(), Error> {
+        let lights = group::placed(&self.gpu, lights, (view, size_px))?;
+        if !self.snippet.write(&lights, &[], (view, size_px)) {
             self.rebind();
         }
-        let data = group::frame_data(view, size_px, &self.settings);
-        let gpu = &self.gpu;
-        gpu.queue.write_buffer(self.frame.raw(), 0, bytemuck::bytes_of(&data));
-        gpu.queue.write_buffer(self.lighting.raw(), FIRST_LIGHT_BYTES, bytemuck::cast_slice(&lights));
+        Ok(())
     }
 
     /// Moves nodes of the scene that this was made from. What no animation moves makes the trees be built anew, at once; what
     /// bends keeps its shape.
     ///
     /// # Errors
-    /// When trees had to be built anew and do not fit the adapter.
+    /// When the scene is another, [`Scene::validate_pose`] refuses the pose, or trees had to be built anew and do not fit the
+    /// adapter.
     pub fn set_pose(&mut self, scene: &Scene, pose: &Pose) -> Result<(), Error> {
+        self.trees.check(scene)?;
+        scene.validate_pose(pose)?;
         self.trees.update(scene, pose)?;
         self.rebind();
         Ok(())
     }
 
-    /// WGSL for a fragment or compute shader whose group of this number is [`TracedShadows::bind_group`]. It has
-    /// `chiaro_light_visibility` as [`super::Shadows::wgsl`] says.
-    pub fn wgsl(&self, group: u32) -> String {
-        self.text.wgsl(group)
-    }
-
-    /// For the program's pipeline layouts.
-    pub fn layout(&self) -> &wgpu::BindGroupLayout {
-        &self.layout
-    }
-
-    /// What the text binds; another one may follow from [`TracedShadows::set`] and [`TracedShadows::set_pose`].
-    pub fn bind_group(&self) -> &wgpu::BindGroup {
-        &self.bind_group
-    }
-
     fn rebind(&mut self) {
-        let buffers = (&self.frame, &self.lighting);
-        self.bind_group = bound(&self.gpu, &self.layout, &self.text, buffers, (&self.scene, &self.trees));
+        self.snippet.rebind(named(&self.scene, &self.trees));
     }
 }
 
-fn bound(
-    gpu: &Gpu,
-    layout: &wgpu::BindGroupLayout,
-    text: &Alone,
-    (frame, lighting): (&Buffer, &Buffer),
-    (scene, trees): (&SceneGpu, &Trees),
-) -> wgpu::BindGroup {
-    group::bound(gpu, layout, text, |name| match name {
-        "frame" => Some(frame.into()),
-        "lighting" => Some(lighting.into()),
+/// What the text reads of a scene and its trees.
+fn named<'a>(scene: &'a SceneGpu, trees: &'a Trees) -> impl Fn(&str) -> Option<Binding<'a>> {
+    move |name| match name {
         "tracer" => Some((&trees.traced.words).into()),
         _ => scene.binding(name),
-    })
+    }
 }

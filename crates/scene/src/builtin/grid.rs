@@ -28,6 +28,16 @@ impl Grid {
         tangents: bool,
         at: impl Fn(usize, usize) -> (Vec3, Vec2) + Sync,
     ) -> Primitive {
+        self.through(material, tangents, &at)
+    }
+
+    // One function for all surfaces: what rayon makes of each takes seconds to compile.
+    fn through(
+        self,
+        material: Id,
+        tangents: bool,
+        at: &(dyn Fn(usize, usize) -> (Vec3, Vec2) + Sync),
+    ) -> Primitive {
         let Self { columns, rows, closes } = self;
         let wrapped = |i: usize, count: usize, closes: bool| if closes { i % (count - 1) } else { i };
         let own = |i: usize| {

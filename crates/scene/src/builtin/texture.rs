@@ -20,6 +20,11 @@ pub struct Surface {
 impl Surface {
     /// Asks `paint` for linear colour and height in metres at (u, v) in 0..1, v downwards.
     pub fn paint(size: u32, paint: impl Fn(Vec2) -> (Vec3, f32) + Sync) -> Self {
+        Self::painted(size, &paint)
+    }
+
+    // One function for all painters: what rayon makes of each takes seconds to compile.
+    fn painted(size: u32, paint: &(dyn Fn(Vec2) -> (Vec3, f32) + Sync)) -> Self {
         let at = |i: u32| paint((vec2((i % size) as f32, (i / size) as f32) + 0.5) / size as f32);
         let (color, height) = (0..size * size).into_par_iter().map(at).unzip();
         Self { size, color, height }
@@ -27,15 +32,15 @@ impl Surface {
 
     /// The colour as an sRGB image.
     pub fn base_color(&self, name: &str) -> ImageData {
-        self.picture(name, |_| 255)
+        self.picture(name, &|_| 255)
     }
 
     /// The same cut out: where `height` was to be, `paint` told how much of the pixel is there, 0..1.
     pub fn cutout(&self, name: &str) -> ImageData {
-        self.picture(name, |height| (height.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
+        self.picture(name, &|height| (height.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
     }
 
-    fn picture(&self, name: &str, alpha: impl Fn(f32) -> u8 + Sync) -> ImageData {
+    fn picture(&self, name: &str, alpha: &(dyn Fn(f32) -> u8 + Sync)) -> ImageData {
         // Encoding by table: the power function a million times over would be most of the painting's cost.
         let table: Vec<u8> = (0..4096).map(|i| encode_srgb(i as f32 / 4095.0)).collect();
         let byte = |x: f32| table[(x.clamp(0.0, 1.0) * 4095.0 + 0.5) as usize];

@@ -33,6 +33,7 @@ use chiaro_gpu::{
 
 use crate::direct::{Permutations, lighting_binds, surface_binds};
 use crate::scene::SceneGpu;
+use crate::settings::Condition;
 use crate::shadow::ShadowOutputs;
 use crate::view::{MOTION, SurfaceBuffer};
 use crate::{Kit, shaders};
@@ -104,6 +105,20 @@ impl Aov {
     /// By name.
     pub fn by_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|(_, n)| *n == name).map(|(aov, _)| aov)
+    }
+
+    /// The name that `--aov` takes.
+    pub fn name(self) -> &'static str {
+        Self::ALL.into_iter().find(|(aov, _)| *aov == self).map_or("", |(_, name)| name)
+    }
+
+    /// Where it is not black: of rays there are no maps to be seen.
+    pub fn only(self) -> Option<Condition> {
+        let of_maps = matches!(
+            self,
+            Self::ShadowCascade | Self::ShadowTexels | Self::ShadowPenumbra | Self::ShadowBias
+        );
+        of_maps.then_some(Condition("shadow.layout=single|cascaded"))
     }
 
     /// How to look at it.

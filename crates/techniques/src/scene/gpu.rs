@@ -70,8 +70,11 @@ pub struct SceneGpu {
     pub class_first: [u32; CLASSES],
     /// Triangles of all items.
     pub triangle_count: u32,
-    /// World-space corners of all geometry at all times, metres; zero-sized without geometry.
+    /// World-space corners of all geometry at all times, metres, and of what a pose has elsewhere; zero-sized without
+    /// geometry.
     pub bounds_ws: (Vec3, Vec3),
+    // The same without poses of somebody's own making.
+    own_bounds_ws: (Vec3, Vec3),
     /// Whether any material is unlit.
     pub unlit: bool,
     /// What shaders may leave out.
@@ -323,6 +326,7 @@ impl SceneGpu {
             class_first,
             triangle_count: triangles as u32,
             bounds_ws: bounds(scene, &pose),
+            own_bounds_ws: bounds(scene, &pose),
             unlit: scene.materials.iter().any(material::is_unlit),
             facts: SceneFacts::of(scene, texture_facts),
             bytes,
@@ -334,11 +338,16 @@ impl SceneGpu {
         let origin = self.motion.origin();
         let moved = self.motion.set(scene, pose);
         if scene.origin != origin {
-            self.bounds_ws = bounds(scene, &scene.pose(0.0));
+            self.own_bounds_ws = bounds(scene, &scene.pose(0.0));
+            self.bounds_ws = self.own_bounds_ws;
         }
         if moved && let Some(now) = self.motion.bounds_ws() {
-            // A pose of somebody's own making may leave the bounds that the animations have.
-            self.bounds_ws = motion::union(self.bounds_ws, now);
+            // A pose of somebody's own making may leave the bounds that the animations have. Where it has been is kept, so
+            // that what is fitted to the bounds comes to rest, but not what it once reached far outside of them.
+            let now = motion::union(self.own_bounds_ws, now);
+            let ever = motion::union(self.bounds_ws, now);
+            let size = |(lo, hi): (Vec3, Vec3)| (hi - lo).max_element();
+            self.bounds_ws = if size(ever) <= 2.0 * size(self.own_bounds_ws) { ever } else { now };
         }
     }
 

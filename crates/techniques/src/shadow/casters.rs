@@ -4,6 +4,9 @@
 //! that lies beyond everything else, as the light travels, has nothing to shadow. Left out of what maps are fitted to, it
 //! is still drawn in them, so that what is sunk into it stays dark. All is told from what does not change with the
 //! camera, so that maps rest when it moves.
+//!
+//! What lies so far away that it is smaller in the sky than a sun has a part of its own: its shadow does not get here, and
+//! maps are fitted to the part that the camera is in or nearest to, as if there were no other.
 
 use chiaro_scene as cs;
 use glam::{Affine3A, Vec3};
@@ -22,10 +25,26 @@ const MAX_GROUNDS: usize = 16;
 const MAX_PLANES: usize = 64;
 /// Rounding of coordinates, as a share of a thing's diagonal.
 const ROUNDING: f32 = 1e-6;
+/// What lies farther away than so many times the larger one's size has a part of its own. A sun of half a degree is hidden by
+/// nothing that is farther than a hundred times its size.
+const APART: f32 = 100.0;
+/// Parts at most; where there were more, all is one.
+const MAX_PARTS: usize = 16;
 
 /// What casts shadows in a scene, and what may not.
 #[derive(Clone, Debug, Default)]
 pub struct Casters {
+    // At rest and as animations have it.
+    known: Vec<Part>,
+    // With all that somebody has moved, where that is now.
+    parts: Vec<Part>,
+    // Where each of that has been lately.
+    held: Vec<Bounds>,
+}
+
+/// What lies together.
+#[derive(Clone, Debug, Default)]
+struct Part {
     all: Bounds,
     // What casts whatever the light.
     rest: Option<Bounds>,
@@ -58,51 +77,112 @@ impl Casters {
         for &node in strayed {
             moving[node] = true;
         }
-        let mut casters = Self { rest: bounds_over_time(scene), ..Self::default() };
-        let mut flat = Vec::new();
+        let mut things = Vec::new();
         for (index, node) in scene.nodes.iter().enumerate() {
             let Some(mesh) = node.mesh.filter(|_| !moving[index] && !scene.deforms(node)) else { continue };
-            for primitive in &scene.meshes[mesh].primitives {
-                let Some(bounds) = bounds_of(primitive, &pose.world_from_node[index]) else { continue };
-                match Ground::of(primitive, &pose.world_from_node[index], bounds) {
-                    Some(ground) => flat.push(ground),
-                    None => casters.add(bounds),
+            let world = &pose.world_from_node[index];
+            let primitives = scene.meshes[mesh].primitives.iter();
+            things.extend(primitives.filter_map(|p| Some((bounds_of(p, world)?, Some((p, world))))));
+        }
+        things.extend(bounds_over_time(scene).map(|bounds| (bounds, None)));
+        let known: Vec<_> = apart(&things).into_iter().map(|part| Part::of(&things, &part)).collect();
+        Self { parts: known.clone(), known, held: Vec::new() }
+    }
+
+    /// Takes the boxes around what poses move, as they are now, always in the same order. They are held where they have been
+    /// while that is near the rest of the scene, so that maps come to rest.
+    pub fn hold(&mut self, moved: &[Bounds]) {
+        let around = self.known.iter().map(|part| part.all).reduce(union);
+        let reach = around.map(|(lo, hi)| (lo - size((lo, hi)), hi + size((lo, hi))));
+        self.held.truncate(moved.len());
+        for (index, &now) in moved.iter().enumerate() {
+            let Some(held) = self.held.get_mut(index) else {
+                self.held.push(now);
+                continue;
+            };
+            let both = union(*held, now);
+            *held = if reach.is_some_and(|reach| union(both, reach) == reach) { both } else { now };
+        }
+        self.parts.clone_from(&self.known);
+        for &bounds in &self.held {
+            let near = |part: &&mut Part| !are_apart(part.all, bounds);
+            match self.parts.iter_mut().find(near) {
+                Some(part) => {
+                    part.all = union(part.all, bounds);
+                    part.add(bounds);
                 }
+                None => self.parts.push(Part { all: bounds, rest: Some(bounds), grounds: Vec::new() }),
+            }
+        }
+        // What was moved may have bridged a gap.
+        let joined = joined(self.parts.iter().map(|part| part.all).collect());
+        if joined.len() < self.parts.len() {
+            let parts = joined.iter().map(|of| of.iter().map(|&part| self.parts[part].clone()));
+            self.parts = parts.filter_map(|parts| parts.reduce(Part::join)).collect();
+        }
+    }
+
+    /// Corners of a box around what lies together nearest to a place; `None` where the whole scene does.
+    pub fn around(&self, place: Vec3) -> Option<Bounds> {
+        self.nearest(place).filter(|_| self.parts.len() > 1).map(|part| part.all)
+    }
+
+    fn nearest(&self, place: Vec3) -> Option<&Part> {
+        let away = |part: &&Part| place.distance(place.clamp(part.all.0, part.all.1));
+        self.parts.iter().min_by(|a, b| away(a).total_cmp(&away(b)))
+    }
+
+    /// Where a sun that shines along `direction` casts shadows about a camera, in a scene of these bounds; `None` where that
+    /// is about everywhere.
+    pub(super) fn shadowed(&self, direction: Vec3, eye: Vec3, scene: Bounds) -> Option<Shadowed> {
+        let part = self.nearest(eye)?;
+        match self.around(eye) {
+            Some(own) => part.shadowed(direction, own).or(Some(Shadowed { casting: own, region: own })),
+            None => part.shadowed(direction, scene),
+        }
+    }
+}
+
+impl Part {
+    fn of(things: &[Thing<'_>], indices: &[usize]) -> Self {
+        let mut part = Self::default();
+        let mut flat = Vec::new();
+        for &(bounds, source) in indices.iter().map(|&index| &things[index]) {
+            match source.and_then(|(primitive, world)| Ground::of(primitive, world, bounds)) {
+                Some(ground) => flat.push(ground),
+                None => part.add(bounds),
             }
         }
         flat.sort_by(|a, b| diagonal(b.bounds).total_cmp(&diagonal(a.bounds)));
         for ground in flat {
             // Ground is often made of tiles.
-            if let Some(whole) = casters.grounds.iter_mut().find(|whole| whole.continues(&ground)) {
+            if let Some(whole) = part.grounds.iter_mut().find(|whole| whole.continues(&ground)) {
                 whole.bounds = union(whole.bounds, ground.bounds);
-            } else if casters.grounds.len() < MAX_GROUNDS {
-                casters.grounds.push(ground);
+            } else if part.grounds.len() < MAX_GROUNDS {
+                part.grounds.push(ground);
             } else {
-                casters.add(ground.bounds);
+                part.add(ground.bounds);
             }
         }
-        let grounds = casters.grounds.iter().map(|ground| ground.bounds);
-        casters.all = grounds.chain(casters.rest).reduce(union).unwrap_or_default();
-        casters
+        part.all = indices.iter().map(|&index| things[index].0).reduce(union).unwrap_or_default();
+        part
     }
 
-    /// Takes the boxes around what somebody has moved, wherever it has been.
-    pub fn hold(&mut self, strayed: &[Bounds]) {
-        for &bounds in strayed {
-            // Nothing at all has a box of no size.
-            self.all =
-                if self.rest.is_none() && self.grounds.is_empty() { bounds } else { union(self.all, bounds) };
-            self.add(bounds);
+    fn join(mut self, other: Self) -> Self {
+        self.all = union(self.all, other.all);
+        self.grounds.extend(other.grounds);
+        for ground in self.grounds.split_off(self.grounds.len().min(MAX_GROUNDS)) {
+            self.add(ground.bounds);
         }
+        other.rest.into_iter().for_each(|bounds| self.add(bounds));
+        self
     }
 
     fn add(&mut self, bounds: Bounds) {
         self.rest = Some(self.rest.map_or(bounds, |rest| union(rest, bounds)));
     }
 
-    /// Where a sun that shines along `direction` casts shadows in a scene of these bounds; `None` where that is about
-    /// everywhere.
-    pub(super) fn shadowed(&self, direction: Vec3, scene: Bounds) -> Option<Shadowed> {
+    fn shadowed(&self, direction: Vec3, scene: Bounds) -> Option<Shadowed> {
         if scene.0.cmplt(self.all.0).any() || scene.1.cmpgt(self.all.1).any() {
             // Something has left the places that are known.
             return None;
@@ -126,6 +206,62 @@ impl Casters {
         let swept = union(casting, (casting.0 + way, casting.1 + way));
         Some(Shadowed { casting, region: (swept.0.max(scene.0), swept.1.min(scene.1)) })
     }
+}
+
+/// A box with the triangles in it and where they stand, where that is known.
+type Thing<'a> = (Bounds, Option<(&'a cs::Primitive, &'a Affine3A)>);
+
+/// Which things lie together.
+fn apart(things: &[Thing<'_>]) -> Vec<Vec<usize>> {
+    let mut order: Vec<_> = (0..things.len()).collect();
+    // The largest first: what stands on ground joins it at once.
+    order.sort_by(|&a, &b| size(things[b].0).total_cmp(&size(things[a].0)));
+    let mut parts: Vec<(Bounds, Vec<usize>)> = Vec::new();
+    for index in order {
+        let bounds = things[index].0;
+        if let Some((part, members)) = parts.iter_mut().find(|(part, _)| !are_apart(*part, bounds)) {
+            *part = union(*part, bounds);
+            members.push(index);
+        } else if parts.len() < MAX_PARTS {
+            parts.push((bounds, vec![index]));
+        } else {
+            // Strewn about: no part is more than another.
+            return vec![(0..things.len()).collect()];
+        }
+    }
+    let joined = joined(parts.iter().map(|(bounds, _)| *bounds).collect());
+    joined.into_iter().map(|of| of.iter().flat_map(|&part| parts[part].1.clone()).collect()).collect()
+}
+
+/// Boxes that are not apart, together.
+fn joined(boxes: Vec<Bounds>) -> Vec<Vec<usize>> {
+    let mut groups: Vec<(Bounds, Vec<usize>)> =
+        boxes.into_iter().enumerate().map(|(index, bounds)| (bounds, vec![index])).collect();
+    let mut at = 0;
+    while at < groups.len() {
+        let other = (0..at).find(|&other| !are_apart(groups[other].0, groups[at].0));
+        let Some(other) = other else {
+            at += 1;
+            continue;
+        };
+        let (bounds, members) = groups.remove(at);
+        groups[other].0 = union(groups[other].0, bounds);
+        groups[other].1.extend(members);
+        // It may be near to others now.
+        at = other;
+    }
+    groups.into_iter().map(|(_, members)| members).collect()
+}
+
+/// Whether the gap between two boxes is many times what either measures. By coordinates, whose squares may be beyond `f32`.
+fn are_apart(a: Bounds, b: Bounds) -> bool {
+    let gap = (b.0 - a.1).max(a.0 - b.1).max_element();
+    gap > APART * size(a).max(size(b))
+}
+
+/// The longest side.
+fn size((lo, hi): Bounds) -> f32 {
+    (hi - lo).max_element()
 }
 
 impl Ground {

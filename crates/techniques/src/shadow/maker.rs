@@ -52,13 +52,15 @@ impl Maker<'_> {
     /// Where a sun's shadows may be: all that casts, and all that it casts on.
     pub fn shadowed(&self, direction: Vec3) -> Shadowed {
         let all = self.inputs.bounds_ws;
-        let casters = self.inputs.casters.and_then(|casters| casters.shadowed(direction, all));
+        let eye = self.inputs.camera.eye_ws;
+        let casters = self.inputs.casters.and_then(|casters| casters.shadowed(direction, eye, all));
         casters.unwrap_or(Shadowed { casting: all, region: all })
     }
 
     /// Near and far distance of a local light.
     pub fn range(&self, eye: Vec3) -> (f32, f32) {
-        let bounds = self.inputs.bounds_ws;
+        let own = self.inputs.casters.and_then(|casters| casters.around(eye));
+        let bounds = own.unwrap_or(self.inputs.bounds_ws);
         let reach = corners(bounds).into_iter().map(|corner| corner.distance(eye)).fold(0.0, f32::max);
         let near = (NEAR_SHARE * (bounds.1 - bounds.0).length()).max(NEAR_SHARE * 1e-3 * reach).max(1e-30);
         (near, (1.01 * reach).max(2.0 * near))

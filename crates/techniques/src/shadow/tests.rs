@@ -355,8 +355,11 @@ fn grounds(quads: &[(Vec3, f32)]) -> chiaro_scene::Scene {
 
 /// The finest texel of a sun's cascades, metres, for a camera 5 m above the ground.
 fn finest(quads: &[(Vec3, f32)], yaw: f32) -> f32 {
-    let scene = grounds(quads);
-    let (bounds_ws, casters) = (scene.bounds().unwrap(), Casters::new(&scene, &scene.rest(), &[]));
+    finest_of(&grounds(quads), yaw)
+}
+
+fn finest_of(scene: &chiaro_scene::Scene, yaw: f32) -> f32 {
+    let (bounds_ws, casters) = (scene.bounds().unwrap(), Casters::new(scene, &scene.rest(), &[]));
     let settings = ShadowSettings::default();
     let camera = turned(Vec3::new(3.0, 5.0, 4.0), yaw);
     let inputs = FitInputs {
@@ -386,4 +389,47 @@ fn ground_that_casts_on_nothing_makes_no_map_coarser_whatever_its_size_and_tiles
 fn a_roof_over_everything_and_ground_below_other_ground_are_casters() {
     let (ground, roof) = ((Vec3::ZERO, 1500.0), (Vec3::Y * 20.0, 1500.0));
     assert!(finest(&[ground, roof], 0.0) > 0.05, "the roof casts on the ground");
+}
+
+#[test]
+fn what_lies_far_away_by_itself_makes_no_map_coarser() {
+    // A box on ground, and the same box again so many metres away.
+    let with = |away_m: Option<f32>| {
+        let mut scene = grounds(&[(Vec3::ZERO, 5.0)]);
+        let mesh = Some(scene.meshes.len() - 1);
+        scene.nodes.extend(away_m.map(|away_m| {
+            let there = glam::Affine3A::from_translation(Vec3::new(away_m, 3.0, -away_m));
+            let parent_from_node = chiaro_scene::Transform::Matrix(there);
+            chiaro_scene::Node { mesh, parent_from_node, ..Default::default() }
+        }));
+        finest_of(&scene, 0.0)
+    };
+    let own = with(None);
+    assert!(with(Some(500.0)) > 2.0 * own, "that is within reach");
+    for far_m in [2e4, 1e9, 1e20] {
+        assert_eq!(with(Some(far_m)), own, "{far_m} m");
+    }
+}
+
+#[test]
+fn what_was_moved_far_away_and_back_leaves_nothing() {
+    let scene = grounds(&[(Vec3::ZERO, 5.0), (Vec3::Y * 3.0, 0.5)]);
+    let mut casters = Casters::new(&scene, &scene.rest(), &[1]);
+    let around = |at: Vec3| (at - 0.5, at + 0.5);
+    let [near, next] = [Vec3::Y * 3.0, Vec3::new(1.0, 3.0, 0.0)].map(around);
+    let at = |casters: &Casters| {
+        let all = (Vec3::splat(-5.0), Vec3::splat(5.0));
+        casters.shadowed(Vec3::NEG_Y, Vec3::ZERO, all).map_or(all, |shadowed| shadowed.casting)
+    };
+    casters.hold(&[near]);
+    assert_eq!(casters.around(Vec3::ZERO), None, "there is one part");
+    casters.hold(&[next]);
+    let wandered = at(&casters);
+    casters.hold(&[near]);
+    assert_eq!(at(&casters), wandered, "maps would move whenever it does");
+    casters.hold(&[around(Vec3::splat(1e12))]);
+    let (lo, hi) = casters.around(Vec3::ZERO).unwrap();
+    assert!(lo.min_element() >= -5.0 && hi.max_element() <= 5.0, "{lo} {hi}");
+    casters.hold(&[near]);
+    assert_eq!(casters.around(Vec3::ZERO), None);
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::path::Path;
 
 use chiaro::scene;
 use chiaro::{PassLog, Recorder, View, ViewState};
@@ -67,4 +68,38 @@ fn the_architectures_diagram_is_that_of_a_frame() {
         return;
     }
     assert_eq!(&page[from..to], expected, "CHIARO_BLESS=1 writes the diagram into docs/architecture.md");
+}
+
+/// All Rust text of a folder.
+fn sources(folder: &Path) -> String {
+    let mut text = String::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            text += &sources(&path);
+        } else if path.extension().is_some_and(|end| end == "rs") {
+            text += &std::fs::read_to_string(path).unwrap();
+        }
+    }
+    text
+}
+
+#[test]
+fn passes_whose_times_are_listed_are_called_so() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+    let code = sources(&Path::new(root).join("crates/techniques/src"));
+    let page = std::fs::read_to_string(format!("{root}/docs/performance.md")).unwrap();
+    let is_name = |word: &&str| {
+        word.split('/').count() == 2
+            && word.split('/').all(|part| {
+                // `million/s` is a unit.
+                part.len() > 1 && part.chars().all(|c| c.is_ascii_lowercase() || c == '_')
+            })
+    };
+    let rows = page.lines().filter_map(|line| line.strip_prefix('|'));
+    let first = rows.filter_map(|row| row.split('|').next());
+    let names: Vec<_> = first.flat_map(|cell| cell.split([' ', ',', '`'])).filter(is_name).collect();
+    assert!(names.len() > 10, "{names:?}");
+    let unknown: Vec<_> = names.iter().filter(|name| !code.contains(&format!("\"{name}\""))).collect();
+    assert!(unknown.is_empty(), "docs/performance.md times passes that there are none of: {unknown:?}");
 }

@@ -121,7 +121,7 @@ fn an_origin_that_moves_between_frames_changes_nothing() {
     let coarse = studio.radiance(&loaded, &view, SIZE, 4);
     assert!(nmae(&coarse, &right) > 2e-3, "the file's own coordinates would do");
     assert!(scene.settle(Some(seen(far, 1.0).eye_m)));
-    loaded.set_pose(&scene, &scene.pose(0.0));
+    loaded.set_pose(&scene, &scene.pose(0.0)).unwrap();
     let found = studio.radiance(&loaded, &seen(far, 1.0).view(&scene), SIZE, 4);
     assert!(nmae(&found, &right) < 1e-6, "{}", nmae(&found, &right));
 }
@@ -166,5 +166,57 @@ fn a_box_keeps_its_shadow_on_ground_of_any_size() {
         let loaded = studio.load(&on_ground(side_m, slab).scene);
         let error = nmae(&studio.radiance(&loaded, &view, SIZE, 16), &right);
         assert!(error < 6e-3, "{side_m} m, slab {slab}: {error}");
+    }
+}
+
+/// A box of 1 m.
+fn crate_at(stage: &mut Stage, at: Vec3) {
+    let material = stage.lambert(0.5);
+    stage.cuboid(at, Vec3::splat(0.5), material);
+}
+
+#[test]
+fn a_box_far_away_leaves_the_shadows_of_all_else_as_they_are() {
+    let mut studio = Studio::new(&device(), direct(&[]));
+    for light in LIGHTS {
+        let stage = boxes(light);
+        let view = LOOKOUT.view(&stage.scene);
+        let loaded = studio.load(&stage.scene);
+        let right = studio.radiance(&loaded, &view, SIZE, 4);
+        for far_m in [2e4, 1e9] {
+            let mut stage = stage.clone();
+            crate_at(&mut stage, Vec3::new(far_m, 2.0, -far_m));
+            let loaded = studio.load(&stage.scene);
+            let error = nmae(&studio.radiance(&loaded, &view, SIZE, 4), &right);
+            assert!(error < 2e-3, "{light:?}, {far_m} m: {error}");
+        }
+    }
+}
+
+#[test]
+fn a_pose_that_throws_a_box_far_away_spoils_nothing_there_and_nothing_once_it_is_back() {
+    let bare = boxes(LightKind::Directional);
+    let view = LOOKOUT.view(&bare.scene);
+    let mut stage = bare.clone();
+    let first = stage.scene.nodes.len();
+    crate_at(&mut stage, Vec3::new(-1.5, 0.5, 1.0));
+    let mut studio = Studio::new(&device(), direct(&[]));
+    let without = studio.load(&bare.scene);
+    let mut loaded = studio.load(&stage.scene);
+    let mut look = |loaded: &chiaro::LoadedScene| studio.radiance(loaded, &view, SIZE, 4);
+    let (without, with) = (look(&without), look(&loaded));
+    assert!(nmae(&without, &with) > 0.01, "the box is not seen");
+    for far_m in [2e4, 1e12] {
+        let mut pose = stage.scene.rest();
+        for node in first..stage.scene.nodes.len() {
+            let there = Affine3A::from_translation(Vec3::new(far_m, 0.0, -far_m));
+            pose.set_world(&stage.scene, node, there * pose.world_from_node[node]);
+        }
+        loaded.set_pose(&stage.scene, &pose).unwrap();
+        let error = nmae(&look(&loaded), &without);
+        assert!(error < 2e-3, "at {far_m} m: {error}");
+        loaded.set_pose(&stage.scene, &stage.scene.rest()).unwrap();
+        let error = nmae(&look(&loaded), &with);
+        assert!(error < 2e-3, "back from {far_m} m: {error}");
     }
 }

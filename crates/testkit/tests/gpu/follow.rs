@@ -24,11 +24,11 @@ fn traced(
     let options = ReferenceOptions { max_depth, seed: 1, ..ReferenceOptions::default() };
     let mut recorder = Recorder::new(&gpu, false);
     let stops: Vec<_> = before.iter().map(|&t| (t, 1)).chain([(time_s, samples)]).collect();
-    loaded.set_pose(scene, &scene.pose(stops[0].0));
+    loaded.set_pose(scene, &scene.pose(stops[0].0)).unwrap();
     let mut reference = Reference::new(&kit, (scene, &loaded), settings, (view, size), options).unwrap();
     for (index, (time_s, samples)) in stops.into_iter().enumerate() {
         if index > 0 {
-            loaded.set_pose(scene, &scene.pose(time_s));
+            loaded.set_pose(scene, &scene.pose(time_s)).unwrap();
             reference.follow((scene, &loaded), settings, (view, size)).unwrap();
         }
         let mut frame = recorder.begin();
@@ -119,7 +119,7 @@ fn what_is_moved_by_hand_is_traced_where_it_is() {
     let mut loaded = LoadedScene::upload(&kit, &scene).unwrap();
     let mut reference = Reference::new(&kit, (&scene, &loaded), settings, image, options).unwrap();
     let at_rest = take(&mut reference, &loaded);
-    loaded.set_pose(&scene, &pose);
+    loaded.set_pose(&scene, &pose).unwrap();
     reference.follow((&scene, &loaded), settings, image).unwrap();
     let followed = take(&mut reference, &loaded);
     let mut reference = Reference::new(&kit, (&scene, &loaded), settings, image, options).unwrap();

@@ -337,7 +337,7 @@ fn what_moves_and_how_it_is_lit_is_the_host_s() {
     let turn = Mat4::from_quat(Quat::from_rotation_y(0.7));
     let before = pose.world_from_node[sun];
     pose.set_world(&source, sun, glam::Affine3A::from_mat4(turn) * before);
-    scene.set_pose(&source, &pose);
+    scene.set_pose(&source, &pose).unwrap();
     let moved = radiance(&scene);
     let mut posed = source.clone();
     posed.nodes[sun].parent_from_node = chiaro::scene::Transform::Matrix(pose.world_from_node[sun]);
@@ -347,7 +347,7 @@ fn what_moves_and_how_it_is_lit_is_the_host_s() {
     let mut lit = source.clone();
     lit.lights[0].intensity *= 2.0;
     lit.lights[0].color = Vec3::new(0.0, 0.0, 1.0);
-    scene.set_pose(&source, &source.rest());
+    scene.set_pose(&source, &source.rest()).unwrap();
     let white = radiance(&scene);
     scene.set_lights(&lit);
     let blue = radiance(&scene);
@@ -378,7 +378,25 @@ fn a_technique_alone_is_text_for_any_group_and_says_what_it_cannot_do() {
     };
     let spot = LightKind::Spot { inner_rad: 0.3, outer_rad: 0.5 };
     let lights = [LightKind::Directional, spot, LightKind::Point].map(light);
-    shadows.fit(&lights, (&camera(), SIZE), (Vec3::NEG_ONE, Vec3::ONE));
+    let bounds = (Vec3::NEG_ONE, Vec3::ONE);
+    shadows.fit(&lights, (&camera(), SIZE), bounds).unwrap();
+    assert_eq!(shadows.maps().count(), 4 + 1 + 6);
+    // What is no number is told, and what was fitted stays.
+    let nowhere = View { world_from_camera: Mat4::NAN, ..camera() };
+    let mut gone = lights.clone();
+    gone[1].1.translation.x = f32::NAN;
+    for (result, words) in [
+        (shadows.fit(&lights, (&camera(), [0, 8]), bounds), "0×8 pixels"),
+        (shadows.fit(&lights, (&nowhere, SIZE), bounds), "clip_from_world is not finite"),
+        (
+            shadows.fit(&gone, (&camera(), SIZE), bounds),
+            "light 1 has a pose with a number that is not finite",
+        ),
+        (shadows.fit(&lights, (&camera(), SIZE), (Vec3::NAN, Vec3::ONE)), "the bounds are not the smallest"),
+    ] {
+        let error = result.unwrap_err().to_string();
+        assert!(error.contains(words), "`{words}` is not in: {error}");
+    }
     assert_eq!(shadows.maps().count(), 4 + 1 + 6);
     assert!(shadows.maps().all(|map| map.clip_from_world.is_finite()));
     let moments = ShadowSettings {

@@ -176,7 +176,7 @@ fn normals_bounds_and_shadows_of_what_bends_follow() {
     let at_rest = studio.aov(&loaded, &view(), SIZE, 1, Aov::Normal);
     // Forward in time, a jump, and back.
     for time_s in [0.25, 1.0, 0.5] {
-        loaded.set_pose(&source, &source.pose(time_s));
+        loaded.set_pose(&source, &source.pose(time_s)).unwrap();
         let twin = studio.load(&frozen(&source, time_s));
         // The light is the same, not the maps' fit: bounds over all time are wider.
         for (aov, tolerance, share) in
@@ -199,7 +199,7 @@ fn a_bending_mesh_without_normals_shows_those_of_its_triangles() {
     let mut studio = Studio::new(&gpu, direct(&[]));
     let mut loaded = studio.load(&source);
     for time_s in [1.0, 0.4] {
-        loaded.set_pose(&source, &source.pose(time_s));
+        loaded.set_pose(&source, &source.pose(time_s)).unwrap();
         let resting = studio.load(&resting(&source, time_s));
         let [twin, round] = [&source, &smooth].map(|scene| studio.load(&frozen(scene, time_s)));
         let [found, resting, expected, round] =
@@ -220,7 +220,7 @@ fn the_map_of_a_resting_light_shows_casters_that_move() {
     let mut studio = Studio::new(&gpu, direct(&[("shadow.resolution", "512")]));
     let mut loaded = studio.load(&source);
     let first = studio.aov(&loaded, &view(), SIZE, 1, Aov::Shadow);
-    loaded.set_pose(&source, &source.pose(0.6));
+    loaded.set_pose(&source, &source.pose(0.6)).unwrap();
     let kept = studio.aov(&loaded, &view(), SIZE, 1, Aov::Shadow);
     studio.set(direct(&[("shadow.resolution", "512"), ("shadow.cache", "false")]));
     let fresh = studio.aov(&loaded, &view(), SIZE, 1, Aov::Shadow);
@@ -266,7 +266,7 @@ fn where_everything_was_in_the_frame_before_is_kept() {
     let mut recorder = Recorder::new(&gpu, false);
     let mut last = None;
     for (time_s, moves) in [(0.0, false), (0.3, true), (0.8, true), (0.8, false), (0.8, false)] {
-        loaded.set_pose(&source, &source.pose(time_s));
+        loaded.set_pose(&source, &source.pose(time_s)).unwrap();
         let prepared =
             studio.renderer.prepare(&mut state, &loaded, &view(), SIZE, (Vec2::ZERO, 1.0)).unwrap();
         let mut frame = recorder.begin();
@@ -347,16 +347,16 @@ fn a_pose_made_by_hand_moves_what_no_animation_does() {
     let at_rest = studio.radiance(&loaded, &view(), SIZE, 1);
     let mut found = Vec::new();
     for pose in [&poses[0], &poses[1]] {
-        loaded.set_pose(&scene, pose);
+        loaded.set_pose(&scene, pose).unwrap();
         found.push(studio.radiance(&loaded, &view(), SIZE, 1));
     }
     // Several poses between two frames.
     let rest = scene.pose(0.0);
     for pose in [&rest, &poses[0], &poses[1], &poses[1]] {
-        loaded.set_pose(&scene, pose);
+        loaded.set_pose(&scene, pose).unwrap();
     }
     found.push(studio.radiance(&loaded, &view(), SIZE, 1));
-    loaded.set_pose(&scene, &rest);
+    loaded.set_pose(&scene, &rest).unwrap();
     found.push(studio.radiance(&loaded, &view(), SIZE, 1));
     for (found, pose) in found.iter().zip([&poses[0], &poses[1], &poses[1], &rest]) {
         let standing = studio.load(&standing(&scene, pose));

@@ -23,7 +23,7 @@ fn frames<'a>(
     aovs: &[Aov],
 ) -> Vec<(Image, Vec<Image>)> {
     let frame = |(time_s, view, size): (f64, &View, [u32; 2])| {
-        loaded.set_pose(scene, &scene.pose(time_s));
+        loaded.set_pose(scene, &scene.pose(time_s)).unwrap();
         let options = StillOptions { size, samples: 1, aovs: aovs.to_vec(), moving: true, left: Vec::new() };
         let still = studio.renderer.still(loaded, view, &options).unwrap();
         let gpu = studio.renderer.gpu().clone();
@@ -221,7 +221,7 @@ fn moving_edges_are_smoother_than_single_frames_and_leave_no_ghosts() {
             let mut pose = scene.pose(0.0);
             let place = Affine3A::from_translation(Vec3::X * (-0.6 + 0.11 * frame as f32));
             pose.set_world(&scene, board, place);
-            loaded.set_pose(&scene, &pose);
+            loaded.set_pose(&scene, &pose).unwrap();
             let options = StillOptions { size: SIZE, samples, moving: true, ..StillOptions::default() };
             let still = studio.renderer.still(&loaded, &eye, &options).unwrap();
             last = Some(still.radiance.wait(&gpu).unwrap());

@@ -2,9 +2,11 @@
 
 use chiaro::scene;
 use chiaro::techniques::scene::SceneFacts;
-use chiaro::{Gpu, Pipeline, Recorder, Renderer, Settings, View};
+use chiaro::{Aov, Gpu, Pipeline, Recorder, Renderer, Settings, StillOptions, View};
 use chiaro_image::Image;
-use chiaro_testkit::{Studio, device, device_guaranteed, device_of_its_own, nmae};
+use chiaro_testkit::{
+    Stage, Studio, camera_above, device, device_guaranteed, device_of_its_own, direct, nmae,
+};
 use glam::Vec2;
 
 const SIZE: [u32; 2] = [96, 64];
@@ -93,6 +95,27 @@ fn the_same_settings_give_the_same_bits() {
         let [a, b] = [0, 1].map(|_| picture(&gpu, "builtin:cornell", settings(pipeline, "4"), 3));
         assert!(a == b, "{pipeline:?}: two runs differ by {}", nmae(&a, &b));
     }
+}
+
+#[test]
+fn a_second_still_compiles_nothing() {
+    let gpu = device_of_its_own();
+    let mut studio = Studio::new(&gpu, direct(&[("shadow.resolution", "64")]));
+    let stage = Stage::floor(0.5);
+    let loaded = studio.load(&stage.scene);
+    let still = |studio: &mut Studio, aovs: Vec<Aov>| {
+        let before = gpu.created.pipelines();
+        let options = StillOptions { size: [8; 2], samples: 1, aovs, ..StillOptions::default() };
+        let still = studio.renderer.still(&loaded, &camera_above(1.0), &options).unwrap();
+        (gpu.created.pipelines() - before, still.picture.wait(&gpu).unwrap().bytes)
+    };
+    let (first, picture) = still(&mut studio, vec![Aov::Albedo]);
+    assert!(first > 0);
+    let other = vec![Aov::Normal];
+    for aovs in [other.clone(), Vec::new(), other] {
+        assert_eq!(still(&mut studio, aovs), (0, picture.clone()));
+    }
+    assert_eq!(still(&mut studio, vec![Aov::Normal, Aov::Depth]).1, picture);
 }
 
 fn assert_guaranteed_is_enough(name: &str, pipeline: Pipeline, msaa: &str) {

@@ -1,12 +1,21 @@
 //! Direct light against path-traced references, where they are at hand.
 
 use chiaro::{View, scene};
-use chiaro_image::{CompareOptions, Comparison};
+use chiaro_image::{CompareOptions, Comparison, Image};
 use chiaro_testkit::{Studio, assets, device, direct, reference};
+
+/// Half as wide and high, every pixel the mean of four.
+fn halved(image: &Image) -> Image {
+    Image::from_fn(image.width() / 2, image.height() / 2, |x, y| {
+        let four = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[i, j]| image.pixel(2 * x + i, 2 * y + j));
+        [0, 1, 2].map(|channel| 0.25 * four.iter().map(|pixel| pixel[channel]).sum::<f32>())
+    })
+}
 
 fn assert_matches(name: &str, nmae: f64, changes: &[(&str, &str)]) {
     let Some(assets) = assets() else { return };
-    let expected = reference(&assets, &format!("{name}.direct"));
+    // A quarter of the pixels: what is off in light or shadow is as far off in the mean of four.
+    let expected = halved(&reference(&assets, &format!("{name}.direct")));
     let scene = scene::load(&assets.join(format!("scenes/{name}.glb")).to_string_lossy()).unwrap();
     let view = View::from_scene(&scene, 0).unwrap();
     let gpu = device();
@@ -15,7 +24,8 @@ fn assert_matches(name: &str, nmae: f64, changes: &[(&str, &str)]) {
     let found = studio.radiance(&loaded, &view, [expected.width(), expected.height()], 16);
     let metrics = Comparison::new(&found, &expected, &CompareOptions::default()).unwrap().metrics();
     assert_eq!(metrics.not_finite, 0);
-    // Twice what was measured with these settings, and 2 % of energy: what shadow edges and 16 samples cost.
+    // 1.1 to 1.9 times what was measured with these settings (at the references' size, whose bounds these were, half of it),
+    // and 2 % of energy: what shadow edges and 16 samples cost.
     assert!(metrics.nmae <= nmae && (metrics.mean_ratio - 1.0).abs() <= 0.02, "{name}: {metrics:?}");
 }
 

@@ -38,9 +38,9 @@ fn shadows_of_fixed_points_rest_while_the_camera_moves_and_turns() {
             if hit.is_some_and(|hit| hit.position.distance(point) < 1e-2) {
                 // The point is the only pixel's middle: from every place the very same one is shaded.
                 let view = View::look_at(eye, point, 0.01, 0.05);
-                let of = |studio: &mut Studio, aov| studio.aov(&scene, &view, [1, 1], 1, aov).pixels()[0];
-                let cascade = of(&mut studio, Aov::ShadowCascade);
-                seen.push((cascade, of(&mut studio, Aov::Shadow)[0]));
+                let aovs = [Aov::ShadowCascade, Aov::Shadow];
+                let [cascade, shadow] = studio.aovs(&scene, &view, [1, 1], 1, aovs);
+                seen.push((cascade.pixels()[0], shadow.pixels()[0][0]));
             }
         }
         for pair in seen.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
@@ -79,12 +79,11 @@ fn no_border_between_cascades_shows_on_a_flat_floor_in_light_or_shadow() {
                 ("shadow.filter", filter),
                 ("shadow.cascade_select", select),
             ]));
-            let colors = studio.aov(&scene, &view, size, 1, Aov::ShadowCascade);
+            let [colors, shadows] = studio.aovs(&scene, &view, size, 1, [Aov::ShadowCascade, Aov::Shadow]);
             let cascades: std::collections::BTreeSet<_> =
                 colors.pixels().iter().map(|pixel| pixel.map(|channel| (channel * 100.0) as u32)).collect();
             assert!(cascades.len() > 4, "three cascades and their blends: {}", cascades.len());
-            let found: Vec<f32> =
-                studio.aov(&scene, &view, size, 1, Aov::Shadow).pixels().iter().map(|p| p[0]).collect();
+            let found: Vec<f32> = shadows.pixels().iter().map(|p| p[0]).collect();
             let width = size[0] as usize;
             let neighbours = (0..found.len() - width).flat_map(|i| [(i, i + 1), (i, i + width)]);
             let mut pairs = 0;

@@ -173,7 +173,7 @@ fn shadows_follow_what_moves_and_bends() {
     let mut loaded = studio.load(&scene);
     let before = studio.radiance(&loaded, &view, [SIDE; 2], 1);
     for time_s in [0.2, 0.7] {
-        loaded.set_pose(&scene, &scene.pose(time_s));
+        loaded.set_pose(&scene, &scene.pose(time_s)).unwrap();
     }
     let followed = studio.radiance(&loaded, &view, [SIDE; 2], 1);
     assert!(nmae(&followed, &expected) < 0.005, "{}", nmae(&followed, &expected));
@@ -190,7 +190,7 @@ fn a_node_that_a_program_moves_takes_its_shadow_along_and_asks_for_new_trees() {
     let mut studio = Studio::new(&device(), traced(&[]));
     let mut loaded = studio.load(&stage.scene);
     assert!(!loaded.trees_are_due());
-    loaded.set_pose(&stage.scene, &pose);
+    loaded.set_pose(&stage.scene, &pose).unwrap();
     let exact = Exact::at(&stage.scene, &pose);
     let check = |studio: &mut Studio, loaded: &chiaro::LoadedScene| {
         let image = studio.radiance(loaded, &camera_above(HALF), [SIDE; 2], 1);
@@ -203,8 +203,8 @@ fn a_node_that_a_program_moves_takes_its_shadow_along_and_asks_for_new_trees() {
     assert!(!loaded.trees_are_due());
     check(&mut studio, &loaded);
     // From now on it is carried.
-    loaded.set_pose(&stage.scene, &stage.scene.pose(0.0));
-    loaded.set_pose(&stage.scene, &pose);
+    loaded.set_pose(&stage.scene, &stage.scene.pose(0.0)).unwrap();
+    loaded.set_pose(&stage.scene, &pose).unwrap();
     assert!(!loaded.trees_are_due());
     check(&mut studio, &loaded);
 }
@@ -224,6 +224,27 @@ fn a_scene_without_trees_is_refused_by_name_until_it_is_given_some() {
 }
 
 #[test]
+fn trees_of_another_scene_are_refused() {
+    let stage = &lights()[0].1;
+    let mut renderer = Renderer::new(&device(), traced(&[])).unwrap();
+    let mut loaded = renderer.load(&stage.scene).unwrap();
+    // As many nodes and triangles; one corner is elsewhere. And another number of nodes.
+    let mut moved = stage.scene.clone();
+    moved.meshes[1].primitives[0].positions[0].x += 0.25;
+    let others = [moved, Stage::floor(0.5).scene];
+    for other in others {
+        let trees = chiaro::Trees::build(&device(), &other, &other.pose(0.0), &[]).unwrap();
+        let refused = loaded.give_trees(&stage.scene, trees).unwrap_err();
+        assert!(matches!(refused, Error::Foreign { what: "trees", .. }), "{refused}");
+    }
+    let pose = Stage::floor(0.5).scene.rest();
+    let refused = loaded.set_pose(&Stage::floor(0.5).scene, &pose).unwrap_err();
+    assert!(matches!(refused, Error::Foreign { what: "pose", .. }), "{refused}");
+    let trees = chiaro::Trees::build(&device(), &stage.scene, &stage.scene.pose(0.0), &[]).unwrap();
+    loaded.give_trees(&stage.scene, trees).unwrap();
+}
+
+#[test]
 fn what_a_pose_puts_nowhere_casts_no_shadow_until_it_is_back() {
     let mut stage = Stage::floor(1.0);
     let material = stage.lambert(1.0);
@@ -234,13 +255,20 @@ fn what_a_pose_puts_nowhere_casts_no_shadow_until_it_is_back() {
     let mut scene = studio.load(&stage.scene);
     let mut look = |scene: &chiaro::LoadedScene| studio.radiance(scene, &camera_above(HALF), [SIDE; 2], 1);
     let before = look(&scene);
-    for nowhere in [Vec3::NAN, Vec3::INFINITY, Vec3::splat(1e30), Vec3::splat(1e18)] {
+    for nowhere in [Vec3::NAN, Vec3::INFINITY] {
         let mut pose = stage.scene.pose(0.0);
         pose.world_from_node[block] = Affine3A::from_translation(nowhere);
-        scene.set_pose(&stage.scene, &pose);
+        let error = scene.set_pose(&stage.scene, &pose).unwrap_err().to_string();
+        assert!(error.contains(&format!("node {block}: its transform in the pose")), "{error}");
+        assert!(nmae(&look(&scene), &before) == 0.0, "{nowhere}");
+    }
+    for nowhere in [Vec3::splat(1e30), Vec3::splat(1e18)] {
+        let mut pose = stage.scene.pose(0.0);
+        pose.world_from_node[block] = Affine3A::from_translation(nowhere);
+        scene.set_pose(&stage.scene, &pose).unwrap();
         let dark = look(&scene).pixels().iter().filter(|pixel| pixel[0] < 0.1).count();
         assert_eq!(dark, 0, "{nowhere}");
-        scene.set_pose(&stage.scene, &stage.scene.pose(0.0));
+        scene.set_pose(&stage.scene, &stage.scene.pose(0.0)).unwrap();
         assert!(nmae(&look(&scene), &before) < 1e-6, "{nowhere}");
     }
 }

@@ -35,7 +35,7 @@ fn frames(seen: &[View]) -> Vec<(Vec<Vec<f32>>, [Vec<u32>; 2])> {
     };
     TIMES_S
         .map(|time_s| {
-            loaded.set_pose(&source, &source.pose(time_s));
+            loaded.set_pose(&source, &source.pose(time_s)).unwrap();
             let mut frame = recorder.begin();
             let views = seen.iter().zip(&mut states);
             let sums: Vec<_> = views.map(|(view, state)| picture(&mut frame, state, &loaded, view)).collect();

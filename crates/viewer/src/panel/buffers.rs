@@ -10,6 +10,7 @@ const CORNER: f32 = 0.4;
 
 impl Viewer {
     pub(crate) fn buffers_ui(&mut self, ui: &mut Ui) {
+        let black = self.black_buffer();
         CollapsingHeader::new("Buffers").default_open(false).show(ui, |ui| {
             let shown = &mut self.panel.shown_buffer;
             ui.horizontal(|ui| {
@@ -31,6 +32,9 @@ impl Viewer {
                 ui.weak(&drawn.about);
             } else {
                 ui.weak("This scene, or the pipeline in use, has none.");
+            }
+            if let Some(why) = black {
+                ui.add(egui::Label::new(egui::RichText::new(why).color(super::style::ERROR)).wrap());
             }
             if drawn.layers > 1 {
                 let layers = Slider::new(&mut shown.layer, 0..=drawn.layers - 1).text("layer");

@@ -151,7 +151,9 @@ impl Viewer {
         self.playback.advance(dt_s, duration_s);
         if self.playback.time_s != before || self.panel.scrubbed {
             self.panel.scrubbed = false;
-            stage.set_time(self.playback.time_s);
+            if let Err(error) = stage.set_time(self.playback.time_s) {
+                self.notices.fail(error.to_string());
+            }
         }
         if self.playback.playing {
             self.ctx.request_repaint();

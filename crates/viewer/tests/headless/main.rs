@@ -131,9 +131,18 @@ fn every_buffer_can_be_looked_at() {
         }
         driver.press(Key::CloseBracket);
     }
+    // What rays leave black says so.
+    driver.press(Key::Num9);
+    assert_eq!(driver.viewer.black_buffer(), None);
+    let mut settings = driver.viewer.settings().clone();
+    settings.set("shadow.layout", "traced").unwrap();
+    driver.viewer.set(settings);
+    let why = driver.viewer.black_buffer().unwrap();
+    assert!(why.contains("shadow.layout=single|cascaded"), "{why}");
     driver.press(Key::P);
     driver.frame(Vec::new());
     assert!(driver.viewer.buffer().is_none());
+    assert_eq!(driver.viewer.black_buffer(), None);
 }
 
 #[test]

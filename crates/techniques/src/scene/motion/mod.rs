@@ -336,14 +336,15 @@ impl SceneMotion {
         words
     }
 
-    /// Nodes that a pose has moved though no animation does, in the order of [`SceneMotion::strayed_bounds_ws`].
+    /// Nodes that a pose has moved though no animation does, in the order in which they were first.
     pub fn strayed(&self) -> Vec<cs::Id> {
         self.movers[self.animated..].iter().map(Mover::node).collect()
     }
 
-    /// Corners of boxes in world space around what a pose has moved though no animation does, as it stands now.
-    pub fn strayed_bounds_ws(&self) -> &[(Vec3, Vec3)] {
-        &self.bounds[self.animated..]
+    /// Corners of boxes in world space around what moves, as it stands now: first what animations move, then what a pose has
+    /// moved though none does.
+    pub fn present_bounds_ws(&self) -> &[(Vec3, Vec3)] {
+        &self.bounds
     }
 
     /// What world space counts from, in the coordinates of the scene's file, metres.
