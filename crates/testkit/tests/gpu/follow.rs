@@ -143,7 +143,7 @@ fn trees_that_have_worn_are_built_anew_and_show_the_same() {
     let mut loaded = LoadedScene::upload(&kit, &scene).unwrap();
     let mut reference = Reference::new(&kit, (&scene, &loaded), settings, image, options).unwrap();
     assert!(!reference.renew(&mut recorder, (&scene, &loaded)).unwrap(), "they were new");
-    loaded.set_pose(&scene, &scene.pose(1.0));
+    loaded.set_pose(&scene, &scene.pose(1.0)).unwrap();
     let mut pictures = Vec::new();
     for worn in [true, false] {
         reference.follow((&scene, &loaded), settings, image).unwrap();
