@@ -262,7 +262,9 @@ impl Comparison {
 
     /// Maps values to 0–1, linear, exposed so that B's 99th percentile becomes 0.9.
     fn shown(&self) -> impl Fn(f64) -> f64 + Copy + Sync + use<> {
-        let exposure = 0.9 / percentile(kept(&self.b, &self.keep).collect(), 0.99).max(1e-12);
+        let mut values = Vec::with_capacity(3 * self.keep.len());
+        values.extend(kept(&self.b, &self.keep));
+        let exposure = 0.9 / percentile(values, 0.99).max(1e-12);
         move |value| (value * exposure).clamp(0.0, 1.0)
     }
 
