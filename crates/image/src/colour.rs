@@ -8,7 +8,7 @@ pub fn srgb_from_linear(linear: f64) -> f64 {
 /// The same of values in 0–1, in a third of the time.
 pub(crate) fn srgb_from_linear_unit(linear: f64) -> f64 {
     // x^(1/2.4) = c · ⁴√c where c = ∛x.
-    let root = cube_root(linear);
+    let root = cube_root(linear.max(0.0031308));
     if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * root * root.sqrt().sqrt() - 0.055 }
 }
 

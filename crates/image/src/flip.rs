@@ -159,10 +159,13 @@ impl Eye {
         }
         for curve in curves {
             let shown = reference.each_ref().map(|plane| plane.iter().map(|value| curve(*value)).collect());
-            let change = [0, 1, 2].map(|channel| {
+            let change: [Vec<f64>; 3] = [0, 1, 2].map(|channel| {
                 let pairs = test[channel].iter().zip::<&Vec<f64>>(&shown[channel]);
                 pairs.map(|(test, shown)| curve(*test) - shown).collect()
             });
+            if change.iter().flatten().all(|change| *change == 0.0) {
+                continue;
+            }
             let [shown, change] = [shown, change].map(|rgb| self.see(tile, &rgb));
             self.raise(&mut largest, &shown, &change);
         }
@@ -405,8 +408,8 @@ impl ColourSpace {
         let rgb = self.rgb_from_opponent.map(|row| mixed(row, opponent, |value| value.clamp(0.0, 1.0)));
         self.xyz_from_rgb.map(|row| {
             mixed(row, &rgb, |t| {
-                let (root, line) = (cube_root(t), t / (3.0 * DELTA * DELTA) + 4.0 / 29.0);
-                if t > DELTA * DELTA * DELTA { root } else { line }
+                let (root, line) = (cube_root(t.max(DELTA.powi(3))), t / (3.0 * DELTA * DELTA) + 4.0 / 29.0);
+                if t > DELTA.powi(3) { root } else { line }
             })
         })
     }
