@@ -409,8 +409,7 @@ impl ColourSpace {
         self.xyz_from_rgb.map(|row| {
             // In two loops, of which the first takes twice as many at once.
             let mut xyz = mixed(row, &rgb, |t| t);
-            let rough: Vec<f32> =
-                xyz.iter().map(|t| rough_cube_root(t.max(DELTA.powi(3)) as f32)).collect();
+            let rough: Vec<f32> = xyz.iter().map(|t| rough_cube_root(t.max(DELTA.powi(3)) as f32)).collect();
             for (t, rough) in xyz.iter_mut().zip(rough) {
                 let (root, line) = (cube_root_from(rough, *t), *t / (3.0 * DELTA * DELTA) + 4.0 / 29.0);
                 *t = if *t > DELTA.powi(3) { root } else { line };
