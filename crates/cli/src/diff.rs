@@ -29,7 +29,8 @@ pub fn run(args: &DiffArgs) -> anyhow::Result<()> {
     }
     let optional =
         |path: &Option<_>| -> anyhow::Result<Option<Image>> { Ok(path.as_ref().map(read).transpose()?) };
-    let (a, b) = (read(&args.a)?, read(&args.b)?);
+    let (a, b) = rayon::join(|| read(&args.a), || read(&args.b));
+    let (a, b) = (a?, b?);
     let (mask, minus_a, minus_b) =
         (optional(&args.mask)?, optional(&args.minus_a)?, optional(&args.minus_b)?);
     let options = CompareOptions {

@@ -110,7 +110,7 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<Image, ImageError> {
             advice: "rename the channels that hold the picture".to_owned(),
         });
     };
-    shown(&file, layer, &pixels).map_err(|problem| ImageError::Invalid {
+    shown(&file, layer, pixels).map_err(|problem| ImageError::Invalid {
         path: path.to_owned(),
         problem,
         advice: "crop its display window, or check whether the file is damaged".to_owned(),
@@ -131,7 +131,7 @@ const FREE_BLANK: u64 = 1 << 24;
 fn shown(
     file: &Decoded,
     layer: &Layer<AnyChannels<FlatSamples>>,
-    pixels: &[[f32; 3]],
+    pixels: Vec<[f32; 3]>,
 ) -> Result<Image, String> {
     let (data, display) = (layer.absolute_bounds(), file.attributes.display_window);
     let area = |window: &IntegerBounds| window.size.width() as u64 * window.size.height() as u64;
@@ -155,8 +155,12 @@ fn shown(
     let Some(((x, skip_x, width), (y, skip_y, height))) = x.zip(y) else {
         return Err("its data window lies outside its display window, so that it shows nothing".to_owned());
     };
-    let rows = pixels.chunks_exact(data.size.width()).skip(skip_y).take(height as usize);
-    let seen = rows.flat_map(|row| &row[skip_x..skip_x + width as usize]).copied().collect();
+    let seen = if (width as usize, height as usize) == (data.size.width(), data.size.height()) {
+        pixels
+    } else {
+        let rows = pixels.chunks_exact(data.size.width()).skip(skip_y).take(height as usize);
+        rows.flat_map(|row| &row[skip_x..skip_x + width as usize]).copied().collect()
+    };
     let size = (display.size.width() as u32, display.size.height() as u32);
     let origin = [display.position.x(), display.position.y()];
     Ok(Image::part(size, origin, Region { start: [x, y], size: [width, height] }, seen))

@@ -1,5 +1,7 @@
 //! Separable convolution of one channel, the ground of the blur and of FLIP.
 
+use rayon::prelude::*;
+
 /// One channel of an image: values row after row from the top left.
 pub(crate) type Plane = Vec<f64>;
 
@@ -11,17 +13,22 @@ pub(crate) fn convolve(plane: &[f64], width: usize, horizontal: &[f64], vertical
 
 /// Neighbours that are summed up together, in registers.
 const LANES: usize = 8;
+/// Rows that a thread takes at least.
+const ROWS: usize = 16;
 
 fn along_rows(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
     let radius = kernel.len() / 2;
     let mut out = vec![0.0; plane.len()];
-    let mut padded = vec![0.0; width + 2 * radius];
-    for (row, out_row) in plane.chunks_exact(width).zip(out.chunks_exact_mut(width)) {
-        padded[..radius].fill(row[0]);
-        padded[radius..radius + width].copy_from_slice(row);
-        padded[radius + width..].fill(row[width - 1]);
-        weighted_sum(out_row, kernel, |tap| &padded[tap..tap + width]);
-    }
+    let rows = plane.par_chunks_exact(width).zip(out.par_chunks_exact_mut(width));
+    rows.with_min_len(ROWS).for_each_init(
+        || vec![0.0; width + 2 * radius],
+        |padded, (row, out_row)| {
+            padded[..radius].fill(row[0]);
+            padded[radius..radius + width].copy_from_slice(row);
+            padded[radius + width..].fill(row[width - 1]);
+            weighted_sum(out_row, kernel, |tap| &padded[tap..tap + width]);
+        },
+    );
     out
 }
 
@@ -29,12 +36,12 @@ fn along_columns(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
     let radius = kernel.len() / 2;
     let height = plane.len() / width;
     let mut out = vec![0.0; plane.len()];
-    for (y, out_row) in out.chunks_exact_mut(width).enumerate() {
+    out.par_chunks_exact_mut(width).with_min_len(ROWS).enumerate().for_each(|(y, out_row)| {
         weighted_sum(out_row, kernel, |tap| {
             let source = (y + tap).saturating_sub(radius).min(height - 1);
             &plane[source * width..(source + 1) * width]
         });
-    }
+    });
     out
 }
 

@@ -4,10 +4,6 @@
 //! Eurographics 2021 short papers. Both images are exposed from where the reference's brightest place is well shown to
 //! where its median is, tone-mapped, and compared by LDR-FLIP; each pixel's largest difference counts.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
-use std::thread;
-
 use crate::colour::luminance_f64;
 use crate::filter::Plane;
 use crate::flip::flip;
@@ -19,40 +15,12 @@ const ACES: [f64; 6] = [0.6 * 0.6 * 2.51, 0.6 * 0.03, 0.0, 0.6 * 0.6 * 2.43, 0.6
 const SHOWN: f64 = 0.85;
 /// A darker median would need exposures at which nothing but noise is seen; the authors' tools stop here, too.
 const LEAST_LUMINANCE: f64 = f32::EPSILON as f64;
-/// More threads would mostly take memory, a few hundred bytes a pixel each.
-const MOST_THREADS: usize = 16;
-
 /// The largest FLIP difference of every pixel. Both images are planes R, G, B of linear values, `width` pixels wide; the
 /// pixels of `keep` decide the exposures.
 pub(crate) fn hdr_flip(reference: &[Plane; 3], test: &[Plane; 3], keep: &[bool], width: usize) -> Plane {
-    let exposures = exposures(reference, keep);
-    let next = AtomicUsize::new(0);
-    let largest = Mutex::new(vec![0.0; reference[0].len()]);
-    let work = || {
-        while let Some(exposure) = exposures.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let [reference, test] = [reference, test].map(|image| shown(image, exposure.exp2()));
-            let map = flip(&reference, &test, width);
-            // A thread that panicked has left a map that is whole, if not yet the largest.
-            let mut largest = largest.lock().unwrap_or_else(PoisonError::into_inner);
-            for (largest, value) in largest.iter_mut().zip(map) {
-                *largest = value.max(*largest);
-            }
-        }
-    };
-    // Where there are no threads this is 1.
-    let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
-    thread::scope(|scope| {
-        for _ in 1..threads.min(exposures.len()) {
-            scope.spawn(work);
-        }
-        work();
-    });
-    largest.into_inner().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Exposed by a factor and tone-mapped, 0–1.
-fn shown(image: &[Plane; 3], factor: f64) -> [Plane; 3] {
-    image.each_ref().map(|plane| plane.iter().map(|value| tone_mapped(value * factor)).collect())
+    let factors = exposures(reference, keep).into_iter().map(f64::exp2);
+    let curves: Vec<_> = factors.map(|factor| move |value: f64| tone_mapped(value * factor)).collect();
+    flip(reference, test, width, &curves)
 }
 
 fn tone_mapped(value: f64) -> f64 {

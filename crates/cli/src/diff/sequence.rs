@@ -15,7 +15,7 @@ use crate::args::DiffArgs;
 use crate::output::{WrongUsage, bar, print, print_json};
 use crate::plot::{self, Curve, Panel};
 
-/// Frames measured at once: each takes about 300 bytes a pixel.
+/// Frames measured at once: each takes about 150 bytes a pixel.
 const AT_ONCE: usize = 8;
 /// Numbers that a message names.
 const NAMED: usize = 5;
