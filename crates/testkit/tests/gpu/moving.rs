@@ -99,19 +99,17 @@ fn motion_vectors_are_the_difference_of_both_projections() {
                 at / Vec2::new(SIZE[0] as f32, SIZE[1] as f32) * Vec2::new(2.0, -2.0) + Vec2::new(-1.0, 1.0);
             let ray =
                 cameras[1].relative_from_clip(SIZE, Vec2::ZERO).project_point3(ndc.extend(0.5)).normalize();
-            let expected = match nearest(&now, cameras[1].eye_ws(), ray) {
-                Some((triangle, place, distance)) => {
-                    let [a, b, c] = before[triangle];
-                    let was = a * place.x + b * place.y + c * place.z;
-                    let is = cameras[1].eye_ws() + distance * ray;
-                    let depth = |view: &View, p: Vec3| view.forward_ws().dot(p - view.eye_ws());
-                    (at - pixel(&cameras[0], was.extend(1.0)))
-                        .extend(depth(&cameras[1], is) - depth(&cameras[0], was))
-                }
-                None => {
-                    sky += 1;
-                    (at - pixel(&cameras[0], ray.extend(0.0))).extend(0.0)
-                }
+            let expected = if let Some((triangle, place, distance)) = nearest(&now, cameras[1].eye_ws(), ray)
+            {
+                let [a, b, c] = before[triangle];
+                let was = a * place.x + b * place.y + c * place.z;
+                let is = cameras[1].eye_ws() + distance * ray;
+                let depth = |view: &View, p: Vec3| view.forward_ws().dot(p - view.eye_ws());
+                (at - pixel(&cameras[0], was.extend(1.0)))
+                    .extend(depth(&cameras[1], is) - depth(&cameras[0], was))
+            } else {
+                sky += 1;
+                (at - pixel(&cameras[0], ray.extend(0.0))).extend(0.0)
             };
             moved += u32::from(expected.truncate().length() > 1.0);
             // A silhouette may fall on either side, and a shared edge into either triangle: both are a rounding away.
