@@ -5,7 +5,7 @@ use chiaro_techniques::frame::LightData;
 use chiaro_techniques::post::{AntialiasInputs, CameraSettings};
 use chiaro_techniques::scene::motion::SceneMotion;
 use chiaro_techniques::view::Moment;
-use glam::Vec2;
+use glam::{Quat, Vec2, Vec3};
 
 use crate::jitter::Jitter;
 use crate::{LoadedScene, Settings, View};
@@ -44,12 +44,10 @@ const OFFSETS: u32 = 64;
 /// How much smaller than a pixel textures are filtered while the camera rests, and while it moves.
 const RESTING_FOOTPRINT: f32 = 0.25;
 const MOVING_FOOTPRINT: f32 = 0.5;
-/// A camera that goes further than this share of the scene's size within a frame, or turns further than this (radians), has
-/// jumped,
-const JUMP_SHARE: f32 = 0.02;
-const JUMP_RAD: f32 = 0.35;
-/// unless it went on as it did the frame before, or up to so many times as fast.
-const FASTER: f32 = 4.0;
+/// A camera that goes further within a frame than this share of how far away the scene is, or turns further than this
+/// (radians), has jumped, unless it went and turned so the frame before.
+const JUMP_SHARE: f32 = 0.1;
+const JUMP_RAD: f32 = 0.25;
 
 /// What a frame must have in common with the one before to go on from it: scene, size, and all settings but those of the
 /// screen.
@@ -69,8 +67,9 @@ pub(crate) struct Seen {
     radiance_scale: f32,
     // Since the last cut.
     frames: u32,
-    step_m: f32,
-    turn_rad: f32,
+    // Since the frame before, in world axes.
+    step_m: Vec3,
+    turn_rad: Vec3,
 }
 
 /// What a frame of a moving picture goes on from, and what the next may go on from.
@@ -148,9 +147,10 @@ impl Look<'_> {
     fn goes_on_from(&self, seen: &Seen) -> bool {
         let motion: &SceneMotion = &self.scene.gpu.motion;
         let (lo, hi) = self.scene.gpu.bounds_ws;
+        let away = (self.view.eye_ws() - 0.5 * (lo + hi)).length().max(0.5 * (hi - lo).length());
         let (step, turn) = went(&seen.view, self.view);
-        let far = step > (JUMP_SHARE * (hi - lo).length()).max(FASTER * seen.step_m);
-        let wide = turn > JUMP_RAD.max(FASTER * seen.turn_rad);
+        let jumps = |went: Vec3, last: Vec3, most: f32| went.length().min((went - last).length()) > most;
+        let (far, wide) = (jumps(step, seen.step_m, JUMP_SHARE * away), jumps(turn, seen.turn_rad, JUMP_RAD));
         motion.goes_on_from(seen.generation)
             && !(far || wide)
             && seen.view.is_orthographic() == self.view.is_orthographic()
@@ -165,7 +165,7 @@ impl Look<'_> {
             forward_ws: view.forward_ws(),
             pixel_m: view.pixel_m2(self.size_px).sqrt(),
         };
-        let (step_m, turn_rad) = last.map_or((0.0, 0.0), |last| went(&last.view, &view));
+        let (step_m, turn_rad) = last.map_or((Vec3::ZERO, Vec3::ZERO), |last| went(&last.view, &view));
         Seen {
             view,
             moment,
@@ -179,7 +179,11 @@ impl Look<'_> {
     }
 }
 
-/// How far a camera went, metres, and turned, radians.
-fn went(from: &View, to: &View) -> (f32, f32) {
-    ((to.eye_ws() - from.eye_ws()).length(), from.forward_ws().angle_between(to.forward_ws()))
+/// How far a camera went, metres, and turned, radians about an axis.
+fn went(from: &View, to: &View) -> (Vec3, Vec3) {
+    let of = |view: &View| Quat::from_mat4(&view.world_from_camera);
+    let turn = of(to) * of(from).inverse();
+    // The shorter way round.
+    let turn = if turn.w < 0.0 { -turn } else { turn };
+    (to.eye_ws() - from.eye_ws(), turn.to_scaled_axis())
 }

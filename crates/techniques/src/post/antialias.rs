@@ -59,7 +59,7 @@ pub struct AntialiasInputs {
     pub history_scale: f32,
 }
 
-/// Means, and of how many frames each pixel's is: of the frame now and of the one before.
+/// Means, and of how many frames each pixel's is, with what half floats leave of it: of the frame now and of the one before.
 #[derive(Debug)]
 struct Mean([(Texture, Texture); 2]);
 
@@ -115,7 +115,7 @@ impl Antialias {
             };
             let two = |name| {
                 let counted =
-                    |_| (lend(name, TextureFormat::Rgba16Float), lend("frames", TextureFormat::R32Float));
+                    |_| (lend(name, TextureFormat::Rgba16Float), lend("remainders", TextureFormat::R32Uint));
                 Mean([0, 1].map(counted))
             };
             let uniform = |_| {
@@ -162,7 +162,7 @@ impl Antialias {
                 decay: DECAY,
             };
             frame.upload(uniform, &[data]);
-            let [(now, counts), (before, counts_before)] =
+            let [(now, remainders), (before, remainders_before)] =
                 [room.turn, room.turn ^ 1].map(|turn| &means.0[turn]);
             let binds = [
                 ("antialias", uniform.into()),
@@ -171,9 +171,9 @@ impl Antialias {
                 ("seen", (&motion.seen).into()),
                 ("history", before.into()),
                 ("history_sampler", Binding::from(&self.sampler)),
-                ("counts_before", counts_before.into()),
+                ("remainders_before", remainders_before.into()),
                 ("result", now.into()),
-                ("counts", counts.into()),
+                ("remainders", remainders.into()),
             ];
             let pixels = Dispatch::Threads([options.width, options.height, 1]);
             frame.compute("post/antialias", &self.pipeline, &[], &binds, pixels);

@@ -336,7 +336,7 @@ impl SceneGpu {
     /// Takes a pose, to be carried out with the next frame.
     pub fn set_pose(&mut self, scene: &cs::Scene, pose: &cs::Pose) {
         let origin = self.motion.origin();
-        let moved = self.motion.set(scene, pose);
+        let moved = self.motion.set(scene, pose, (self.bounds_ws.1 - self.bounds_ws.0).length());
         if scene.origin != origin {
             self.own_bounds_ws = bounds(scene, &scene.pose(0.0));
             self.bounds_ws = self.own_bounds_ws;

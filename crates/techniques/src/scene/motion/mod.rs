@@ -137,8 +137,8 @@ pub struct SceneMotion {
     generation: u64,
     bounds: Vec<(Vec3, Vec3)>,
     bounds_before: Vec<(Vec3, Vec3)>,
-    // How far the movers went with the last pose.
-    steps_m: Vec<f32>,
+    // How far the corners of the movers' boxes went with the last pose.
+    steps_m: Vec<[Vec3; 2]>,
     // The last generation that does not go on from the one before.
     broken: u64,
     done: Mutex<Done>,
@@ -235,7 +235,7 @@ impl MotionBuilder {
             pose_since: 1,
             generation: 1,
             bounds_before: bounds.clone(),
-            steps_m: vec![0.0; bounds.len()],
+            steps_m: vec![[Vec3::ZERO; 2]; bounds.len()],
             broken: 0,
             bounds,
             done: Mutex::default(),
@@ -246,8 +246,8 @@ impl MotionBuilder {
 }
 
 impl SceneMotion {
-    /// Takes a pose of the scene; whether anything is elsewhere than before.
-    pub(crate) fn set(&mut self, scene: &cs::Scene, pose: &cs::Pose) -> bool {
+    /// Takes a pose of the scene, which is `scene_m` from corner to corner; whether anything is elsewhere than before.
+    pub(crate) fn set(&mut self, scene: &cs::Scene, pose: &cs::Pose, scene_m: f32) -> bool {
         let moved_origin = scene.origin != self.origin;
         // Two steps where everything is elsewhere: what was kept of any place holds no more.
         let next = self.generation + if moved_origin { 2 } else { 1 };
@@ -278,29 +278,30 @@ impl SceneMotion {
             self.generation = next;
             self.bounds_before = before;
             self.bounds = self.movers.iter().map(|mover| mover.bounds_ws(scene, pose)).collect();
-            if self.jumps() || moved_origin {
+            if self.jumps(scene_m) || moved_origin {
                 self.broken = next;
             }
         }
         moved
     }
 
-    /// Whether a quarter of what moves, by the area it takes, went further than a share of its own size with the last pose, and
-    /// many times as far as with the pose before.
-    fn jumps(&mut self) -> bool {
+    /// Whether a quarter of what moves, by the area it takes, and so much that it counts in a scene of this size, went far for
+    /// its own size with the last pose, and not as it did with the pose before.
+    fn jumps(&mut self, scene_m: f32) -> bool {
         let (mut all, mut jumped) = (0.0, 0.0);
-        self.steps_m.resize(self.bounds.len(), 0.0);
+        self.steps_m.resize(self.bounds.len(), [Vec3::ZERO; 2]);
         let boxes = self.bounds.iter().zip(&self.bounds_before);
-        for ((now, before), step_m) in boxes.zip(&mut self.steps_m) {
+        for ((now, before), last) in boxes.zip(&mut self.steps_m) {
             let size = (now.1 - now.0).length().max((before.1 - before.0).length());
-            let step = (now.0 - before.0).length().max((now.1 - before.1).length());
+            let step = [now.0 - before.0, now.1 - before.1];
+            let far = |went: Vec3| went.length() > JUMP_SHARE * size;
             all += size * size;
-            if step > JUMP_SHARE * size && step > JUMP * *step_m {
+            if step.into_iter().zip(*last).any(|(step, last)| far(step) && far(step - last)) {
                 jumped += size * size;
             }
-            *step_m = step;
+            *last = step;
         }
-        jumped > 0.25 * all
+        jumped > (0.25 * all).max(COUNTS * scene_m * scene_m)
     }
 
     /// Whether what a view kept of a generation holds for the next frame: the previous positions are, or will be, those of
@@ -374,9 +375,10 @@ impl SceneMotion {
     }
 }
 
-/// What goes so many times as far as with the pose before has jumped, if that is this share of its size.
-const JUMP: f32 = 8.0;
-const JUMP_SHARE: f32 = 0.1;
+/// What goes further than this share of its own size with a pose may have jumped.
+const JUMP_SHARE: f32 = 0.25;
+/// What is smaller than this share of a scene's size squared breaks no picture.
+const COUNTS: f32 = 0.01;
 
 /// Rows of an affine map, so that a point is three dot products.
 fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
