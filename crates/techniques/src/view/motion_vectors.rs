@@ -14,7 +14,7 @@ use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, Life, Mapping, Scale, Texture,
-    TextureOptions, TexturePool, ViewHint, parallel,
+    TextureOptions, TexturePool, ViewHint,
 };
 use glam::{Mat4, Vec3, Vec4};
 
@@ -87,9 +87,8 @@ pub struct MotionOutputs {
 /// The pass.
 #[derive(Debug)]
 pub struct MotionVectors {
-    opaque: ComputePipeline,
-    // For scenes with see-through surfaces.
-    layered: Option<ComputePipeline>,
+    pipeline: ComputePipeline,
+    layered: bool,
 }
 
 impl Pass for MotionVectors {
@@ -98,12 +97,9 @@ impl Pass for MotionVectors {
 
     fn compile(kit: &Kit, &layered: &bool) -> Result<Self, GpuError> {
         let Kit { gpu, library, frame_layout, scene_layout } = kit;
-        let make = |layered| {
-            let entry = shaders::motion_vectors(layered);
-            ComputePipeline::new(gpu, library, &entry, &[frame_layout, scene_layout], &[])
-        };
-        let (opaque, layered) = parallel::join(|| make(false), || layered.then(|| make(true)).transpose());
-        Ok(Self { opaque: opaque?, layered: layered? })
+        let entry = shaders::motion_vectors(layered);
+        let pipeline = ComputePipeline::new(gpu, library, &entry, &[frame_layout, scene_layout], &[])?;
+        Ok(Self { pipeline, layered })
     }
 
     fn serves(&has: &bool, &wanted: &bool) -> bool {
@@ -173,16 +169,19 @@ impl MotionVectors {
             ("motion", (&room.motion).into()),
             ("seen", seen.into()),
         ];
-        let pipeline = match (layer, &self.layered) {
-            (Some(layer), Some(pipeline)) => {
-                binds.push(("layer_visibility", layer.into()));
-                pipeline
-            }
-            _ => &self.opaque,
-        };
+        if self.layered {
+            // Without a layer, what is opaque is the nearest.
+            binds.push(("layer_visibility", layer.unwrap_or(&surface.buffer.visibility).into()));
+        }
         let options = room.motion.options();
         let threads = Dispatch::Threads([options.width, options.height, 1]);
-        frame.compute("surface/motion_vectors", pipeline, &[frame_group, scene.group()], &binds, threads);
+        frame.compute(
+            "surface/motion_vectors",
+            &self.pipeline,
+            &[frame_group, scene.group()],
+            &binds,
+            threads,
+        );
         MotionOutputs { motion: room.motion.clone(), seen: seen.clone() }
     }
 }
