@@ -79,8 +79,8 @@ fn frames_reach_ffmpeg_as_raw_pixels_and_nothing_else_is_written() {
     for words in ["-pixel_format rgb24", "-video_size 32x24", "-framerate 2.5", "-i pipe:0", "-f mp4 file:"] {
         assert!(arguments.contains(words), "`{words}` is not in: {arguments}");
     }
-    // What a picture of the second frame shows.
-    let png = render(&folder, &["--size", "32x24", "--frames", "1..2", "--fps", "2.5", "-o", "still.png"]);
+    // What the second picture shows, which goes on from the first.
+    let png = render(&folder, &["--size", "32x24", "--frames", "0..2", "--fps", "2.5", "-o", "still.png"]);
     assert!(png.status.success(), "{}", text(&png.stderr));
     let expected = chiaro_image::read(folder.join("still.0001.png")).unwrap();
     let expected = chiaro_image::Picture::from_linear(&expected, 1.0);
