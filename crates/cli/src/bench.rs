@@ -1,13 +1,14 @@
 //! `chiaro bench`: GPU time of every pass, median and spread over frames.
 
-use anyhow::{Context, bail};
-use chiaro::Settings;
+use std::collections::BTreeMap;
+
+use anyhow::bail;
 use serde::Serialize;
 
 use crate::args::{BenchArgs, Suite};
 use crate::measure::{Measured, STEADY_FROM, at_sixty, measure};
-use crate::output::{WrongUsage, print};
-use crate::session::{Session, warn_of_idle};
+use crate::output::{WrongUsage, print, write_json};
+use crate::session::{Session, by_key, warn_of_idle};
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
 use crate::{camera_path, suite};
 
@@ -18,7 +19,7 @@ struct Report<'a> {
     triangles: u32,
     scene_bytes: u64,
     size: [u32; 2],
-    settings: std::collections::BTreeMap<String, String>,
+    settings: BTreeMap<String, String>,
     pipeline: String,
     wall_ms_per_frame: f64,
     objects_created_after_frame_3: u64,
@@ -64,18 +65,14 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
             triangles: session.scene.gpu.triangle_count,
             scene_bytes: session.scene.gpu.bytes,
             size: session.size,
-            settings: Settings::fields()
-                .iter()
-                .filter_map(|f| Some((f.key.clone(), settings.get(&f.key)?)))
-                .collect(),
+            settings: by_key(settings),
             pipeline: format!("{:?}", settings.pipeline).to_lowercase(),
             wall_ms_per_frame,
             objects_created_after_frame_3,
             memory_growth_bytes,
             timings: &summary,
         };
-        std::fs::write(path, serde_json::to_string_pretty(&report)? + "\n")
-            .with_context(|| format!("cannot write {}", path.display()))?;
+        write_json(path, &report)?;
     }
     Ok(())
 }

@@ -1,18 +1,18 @@
 //! `chiaro bench --camera-path`: what frames take along the way of a camera.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::Path;
 
 use anyhow::{Context, bail};
+use chiaro::FrameTimings;
 use chiaro::scene::Scene;
-use chiaro::{FrameTimings, Settings};
 use serde::Serialize;
 
 use crate::args::BenchArgs;
 use crate::measure::{Measured, WARM_UP, measure};
-use crate::output::{WrongUsage, bar, create_parent, print};
+use crate::output::{WrongUsage, bar, print, write_json};
 use crate::plot::{self, Curve, Panel};
-use crate::session::{Session, warn_of_idle};
+use crate::session::{Session, by_key, warn_of_idle};
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, Tail, rows, summarise_tails};
 use crate::values::extension;
 
@@ -36,7 +36,7 @@ struct Report<'a> {
     scene: &'a str,
     triangles: u32,
     size: [u32; 2],
-    settings: std::collections::BTreeMap<String, String>,
+    settings: BTreeMap<String, String>,
     camera: &'a str,
     fps: f64,
     wall_ms_per_frame: f64,
@@ -69,16 +69,12 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
     }
     print(&format!("  wall time {wall_ms_per_frame:.3} ms a frame\n"))?;
     if let Some(path) = &args.json {
-        let settings = session.renderer.settings();
         let report = Report {
             machine: &machine,
             scene: &session.scene_name,
             triangles: session.scene.gpu.triangle_count,
             size: session.size,
-            settings: Settings::fields()
-                .iter()
-                .filter_map(|field| Some((field.key.clone(), settings.get(&field.key)?)))
-                .collect(),
+            settings: by_key(session.renderer.settings()),
             camera: &camera,
             fps: args.fps,
             wall_ms_per_frame,
@@ -94,12 +90,6 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
         print(&format!("{}\n", path.display()))?;
     }
     Ok(())
-}
-
-fn write_json(path: &Path, report: &Report<'_>) -> anyhow::Result<()> {
-    create_parent(path)?;
-    std::fs::write(path, serde_json::to_string_pretty(report)? + "\n")
-        .with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// How many frames the path has, of a camera that moves.

@@ -41,6 +41,13 @@ pub fn create_parent(path: &Path) -> anyhow::Result<()> {
     })
 }
 
+/// Writes a file of JSON; missing folders are made.
+pub fn write_json(path: &Path, value: &impl Serialize) -> anyhow::Result<()> {
+    create_parent(path)?;
+    std::fs::write(path, serde_json::to_string_pretty(value)? + "\n")
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
 /// An error with its causes, on one line. A cause that the error's own words already hold is not said twice.
 pub fn sentence(error: &anyhow::Error) -> String {
     error.chain().map(ToString::to_string).fold(String::new(), |said, cause| {

@@ -4,14 +4,13 @@ mod video;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use chiaro::techniques::post::Smoothing;
 use chiaro::{Aov, Gpu, LeftOver, Pixels, Readback, Recorder, Still, StillOptions};
 use chiaro_image::{Image, Picture, Precision, write_exr, write_png};
 use serde::Serialize;
 
 use crate::args::RenderArgs;
-use crate::output::{bar, create_parent, print};
+use crate::output::{bar, create_parent, print, write_json};
 use crate::session::{Session, settings, warn_of_idle};
 use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
 use crate::values::extension;
@@ -105,9 +104,7 @@ fn report(
             samples,
             timings: &timings,
         };
-        create_parent(path)?;
-        std::fs::write(path, serde_json::to_string_pretty(&file)? + "\n")
-            .with_context(|| format!("cannot write {}", path.display()))?;
+        write_json(path, &file)?;
     }
     Ok(())
 }

@@ -1,5 +1,7 @@
 //! What `render` and `bench` share: a device, settings, a scene and a camera, from the same flags.
 
+use std::collections::BTreeMap;
+
 use anyhow::{Context, bail};
 use chiaro::scene::{HeightMap, LoadOptions, Pose, Scene, Source};
 use chiaro::{Gpu, GpuOptions, Kit, LoadedScene, Lookout, Renderer, Settings, View, scene};
@@ -190,6 +192,12 @@ pub fn settings(args: &SettingsArgs) -> anyhow::Result<Settings> {
         settings.set("pipeline", pipeline)?;
     }
     Ok(settings)
+}
+
+/// Every setting's value, as text.
+pub fn by_key(settings: &Settings) -> BTreeMap<String, String> {
+    let fields = Settings::fields().iter();
+    fields.filter_map(|field| Some((field.key.clone(), settings.get(&field.key)?))).collect()
 }
 
 /// Tells which of the changes asked for do nothing beside the others.

@@ -1,9 +1,11 @@
 //! `chiaro bench --camera-path` as scripts see it.
 
 mod moving;
+mod program;
 
-use std::path::PathBuf;
 use std::process::{Command, Output};
+
+use program::{assert_fails, folder, text};
 
 fn bench(arguments: &[&str]) -> Output {
     let fast = ["--size", "16x12", "--set", "shadow.resolution=64"];
@@ -11,30 +13,9 @@ fn bench(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_chiaro")).args(arguments).output().unwrap()
 }
 
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).unwrap()
-}
-
-#[track_caller]
-fn assert_fails(output: &Output, status: i32, words: &[&str]) {
-    let error = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(status), "{error}");
-    for word in words {
-        assert!(error.contains(word), "`{word}` is not in: {error}");
-    }
-    assert!(!error.contains("defect"), "{error}");
-}
-
-fn folder(name: &str) -> PathBuf {
-    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("camera_path").join(name);
-    let _ = std::fs::remove_dir_all(&path);
-    std::fs::create_dir_all(&path).unwrap();
-    path
-}
-
 #[test]
 fn every_frame_of_the_path_is_measured_once() {
-    let folder = folder("measured");
+    let folder = folder("camera_path", "measured");
     let moving = moving::write(&folder);
     let [svg, json] = ["new/path.svg", "json/path.json"].map(|name| folder.join(name));
     let [svg_name, json_name] = [&svg, &json].map(|path| path.to_str().unwrap());
@@ -65,7 +46,7 @@ fn every_frame_of_the_path_is_measured_once() {
 
 #[test]
 fn a_camera_that_rests_has_no_path() {
-    let moving = moving::write(&folder("rests"));
+    let moving = moving::write(&folder("camera_path", "rests"));
     for (scene, flags, words) in [
         (moving.as_str(), &["--camera", "rest"][..], &["camera “rest” rests", "“ride”"][..]),
         (&moving, &["--camera", "1"], &["camera “rest” rests", "“ride”"]),

@@ -1,9 +1,14 @@
 //! The program as scripts see it: exit status, output and errors.
 
+#[expect(dead_code, reason = "not all tests need all of it")]
+mod program;
+
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
 use chiaro_image::{Image, Precision, read, write_exr};
+
+use program::{assert_fails, text};
 
 fn chiaro(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_chiaro")).args(arguments).output().unwrap()
@@ -17,21 +22,6 @@ fn image(name: &str, width: u32, height: u32, value: f32) -> String {
 
 fn scratch(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("cli").join(name)
-}
-
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).unwrap()
-}
-
-#[track_caller]
-fn assert_fails(output: &Output, status: i32, words: &[&str]) {
-    let error = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(status), "{error}");
-    for word in words {
-        assert!(error.contains(word), "`{word}` is not in: {error}");
-    }
-    assert!(error.lines().count() <= 24, "longer than a screen: {error}");
-    assert!(!error.contains("panicked") && !error.contains("backtrace"), "{error}");
 }
 
 #[test]

@@ -1,11 +1,15 @@
 //! `chiaro reference` as scripts see it: goals, resuming, interruptions, AOVs. Tiny images, any adapter.
 
 mod moving;
+#[expect(dead_code, reason = "not all tests need all of it")]
+mod program;
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output};
 
 use chiaro_image::{CompareOptions, Comparison, Image, Layers, Precision, read, read_layers, write_exr};
+
+use program::text;
 
 const SCENE: [&str; 3] = ["builtin:cornell", "--size", "64x48"];
 
@@ -34,10 +38,6 @@ fn failed(output: &Output) -> &str {
     assert_eq!(output.status.code(), Some(1), "{error}");
     assert!(!error.contains("panicked"), "{error}");
     error
-}
-
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).unwrap()
 }
 
 /// A file's place in a folder that is this test's own, and empty of it.

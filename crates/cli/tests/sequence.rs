@@ -1,40 +1,21 @@
 //! `chiaro diff --sequence` as scripts see it: folders of numbered images.
 
-use std::path::PathBuf;
+mod program;
+
 use std::process::{Command, Output};
 
 use chiaro_image::{Image, Precision, write_exr};
 use serde_json::Value;
 
+use program::{assert_fails, folder, text};
+
 fn chiaro(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_chiaro")).args(arguments).output().unwrap()
 }
 
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).unwrap()
-}
-
-#[track_caller]
-fn assert_fails(output: &Output, status: i32, words: &[&str]) {
-    let error = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(status), "{error}");
-    for word in words {
-        assert!(error.contains(word), "`{word}` is not in: {error}");
-    }
-    assert!(!error.contains("defect"), "{error}");
-}
-
-/// An empty folder of a test's own.
-fn folder(name: &str) -> PathBuf {
-    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("sequence").join(name);
-    let _ = std::fs::remove_dir_all(&path);
-    std::fs::create_dir_all(&path).unwrap();
-    path
-}
-
 /// A folder of flat images of these names and values.
 fn frames(name: &str, images: &[(&str, f32)]) -> String {
-    let folder = folder(name);
+    let folder = folder("sequence", name);
     for (file, value) in images {
         let image = Image::filled(12, 10, [*value; 3]);
         write_exr(folder.join(file), &image, Precision::Float).unwrap();
@@ -115,7 +96,7 @@ fn frames_that_are_left_out_take_their_changes_with_them() {
 fn a_table_and_a_plot_tell_the_same() {
     let a = frames("plot_a", &[("a.1.exr", 1.1), ("a.2.exr", 0.9)]);
     let b = frames("plot_b", &[("a.1.exr", 1.0), ("a.2.exr", 1.0)]);
-    let plot = folder("plot").join("new/plot.svg");
+    let plot = folder("sequence", "plot").join("new/plot.svg");
     let output = chiaro(&["diff", "--sequence", &a, &b, "--blur", "1", "-o", plot.to_str().unwrap()]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let table = text(&output.stdout);
@@ -132,7 +113,7 @@ fn a_table_and_a_plot_tell_the_same() {
 #[test]
 fn a_mask_is_one_for_all_frames_or_one_for_each() {
     let half = |value: f32| Image::from_fn(12, 10, move |x, _| [if x < 6 { value } else { 1.0 }; 3]);
-    let (a, mask) = (folder("mask_a"), folder("mask"));
+    let (a, mask) = (folder("sequence", "mask_a"), folder("sequence", "mask"));
     for (number, value) in [(0, 3.0), (1, 5.0)] {
         let file = format!("a.000{number}.exr");
         write_exr(a.join(&file), &half(value), Precision::Float).unwrap();
@@ -156,7 +137,7 @@ fn a_mask_is_one_for_all_frames_or_one_for_each() {
 fn what_does_not_match_is_named() {
     let a = frames("match_a", &[("a.0000.exr", 1.0), ("a.0001.exr", 1.0)]);
     let diff = |one: &str, other: &str| chiaro(&["diff", "--sequence", one, other]);
-    let empty = folder("match_empty");
+    let empty = folder("sequence", "match_empty");
     std::fs::write(empty.join("a.0001.png"), "").unwrap();
     std::fs::create_dir(empty.join("a.0002.exr")).unwrap();
     let empty = empty.to_str().unwrap();
@@ -213,7 +194,7 @@ fn gaps_and_frames_alone_are_noted() {
 fn values_of_any_size_are_measured_and_drawn() {
     let list =
         |values: [f32; 3]| ["a.0.exr", "a.1.exr", "a.2.exr"].into_iter().zip(values).collect::<Vec<_>>();
-    let plot = folder("size_plot").join("plot.svg");
+    let plot = folder("sequence", "size_plot").join("plot.svg");
     for (name, a, b) in [
         ("nan", [f32::NAN, f32::INFINITY, 1.0], [1.0; 3]),
         ("huge", [f32::MAX, 0.0, f32::MAX], [f32::MAX, f32::MAX, 1.0]),

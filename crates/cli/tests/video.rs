@@ -2,18 +2,13 @@
 #![cfg(unix)]
 
 mod moving;
+mod program;
 
 use std::os::unix::fs::PermissionsExt as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-/// An empty folder of a test's own.
-fn folder(name: &str) -> PathBuf {
-    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("video").join(name);
-    let _ = std::fs::remove_dir_all(&path);
-    std::fs::create_dir_all(&path).unwrap();
-    path
-}
+use program::{assert_fails, folder, text};
 
 /// Puts a shell script into ffmpeg's place, in a folder that is to be the PATH. It knows `$out`, the file to write.
 fn stand_in(folder: &Path, script: &str) {
@@ -40,20 +35,6 @@ fn render(folder: &Path, arguments: &[&str]) -> Output {
     command(folder, arguments).output().unwrap()
 }
 
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).unwrap()
-}
-
-#[track_caller]
-fn assert_fails(output: &Output, status: i32, words: &[&str]) {
-    let error = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(status), "{error}");
-    for word in words {
-        assert!(error.contains(word), "`{word}` is not in: {error}");
-    }
-    assert!(!error.contains("defect"), "{error}");
-}
-
 /// Files of a folder that have to do with clips.
 fn clips(folder: &Path) -> Vec<String> {
     let names = std::fs::read_dir(folder).unwrap().map(|f| f.unwrap().file_name().into_string().unwrap());
@@ -64,7 +45,7 @@ fn clips(folder: &Path) -> Vec<String> {
 
 #[test]
 fn frames_reach_ffmpeg_as_raw_pixels_and_nothing_else_is_written() {
-    let folder = folder("raw");
+    let folder = folder("video", "raw");
     stand_in(&folder, "cat > \"$out\"");
     let flags = ["--size", "32x24", "--frames", "0..3", "--fps", "2.5", "-o", "clip.mp4", "--aov", "depth"];
     let output = render(&folder, &flags);
@@ -90,7 +71,7 @@ fn frames_reach_ffmpeg_as_raw_pixels_and_nothing_else_is_written() {
 
 #[test]
 fn without_ffmpeg_nothing_is_begun() {
-    let folder = folder("missing");
+    let folder = folder("video", "missing");
     let output = render(&folder, &["--size", "32x24", "--frames", "0..3", "-o", "new/clip.mp4"]);
     assert_fails(&output, 1, &["ffmpeg, which writes new/clip.mp4, is not on the PATH", "numbered images"]);
     assert!(!folder.join("new").exists() && !text(&output.stderr).contains("note"), "it began");
@@ -115,7 +96,7 @@ fn what_ffmpeg_says_last_is_told_and_no_half_file_is_left() {
         ("midway", format!("head -c 1000 > \"$out\"; {complain}; exit 7")),
         ("at_the_end", format!("cat > \"$out\"; {complain}; exit 7")),
     ] {
-        let folder = folder(name);
+        let folder = folder("video", name);
         stand_in(&folder, &script);
         std::fs::write(folder.join("clip.mp4"), "the one before").unwrap();
         // Larger than a pipe holds.
@@ -127,7 +108,7 @@ fn what_ffmpeg_says_last_is_told_and_no_half_file_is_left() {
         assert_eq!(std::fs::read(folder.join("clip.mp4")).unwrap(), b"the one before");
     }
     // Leaving without a word is no success either.
-    let folder = folder("silent");
+    let folder = folder("video", "silent");
     stand_in(&folder, "exit 0");
     let output = render(&folder, &["--size", "256x160", "--frames", "0..3", "-o", "clip.mp4"]);
     assert_fails(&output, 1, &["clip.mp4"]);
@@ -136,7 +117,7 @@ fn what_ffmpeg_says_last_is_told_and_no_half_file_is_left() {
 
 #[test]
 fn what_is_no_video_is_wrong_usage() {
-    let folder = folder("wrong");
+    let folder = folder("video", "wrong");
     stand_in(&folder, "cat > \"$out\"");
     for (flags, words) in [
         (&["-o", "clip.mp4"][..], &["clip.mp4", "--frames A..B"][..]),
@@ -162,7 +143,7 @@ fn what_is_no_video_is_wrong_usage() {
 #[cfg(target_os = "linux")]
 #[test]
 fn an_interrupted_video_ends_with_the_frames_so_far() {
-    let folder = folder("interrupted");
+    let folder = folder("video", "interrupted");
     stand_in(&folder, "cat > \"$out\"");
     let flags = ["--size", "256x160", "--frames", "0..100000", "--fps", "1000", "-o", "clip.webp"];
     let child = command(&folder, &flags).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -193,7 +174,7 @@ fn ffmpeg_itself_makes_a_video_that_it_can_read() {
     if !Command::new("ffmpeg").arg("-version").output().is_ok_and(|known| known.status.success()) {
         return chiaro_testkit::skipped("there is no ffmpeg on the PATH");
     }
-    let folder = folder("real");
+    let folder = folder("video", "real");
     let path = std::env::var_os("PATH").unwrap();
     for (name, size, kind) in [("clip.mp4", "64x48", &b"ftyp"[..]), ("-odd: 1%d.webp", "63x47", b"ANIM")] {
         let output = format!("--output={name}");

@@ -77,6 +77,8 @@ pub(crate) struct Seen {
 pub(crate) struct Moves {
     pub now: Moment,
     pub before: Option<Moment>,
+    /// Offset within the pixel, and how much smaller than it textures are filtered.
+    pub sampling: (Vec2, f32),
     /// Where frames are averaged.
     pub antialias: Option<AntialiasInputs>,
     key: SeenKey,
@@ -98,29 +100,22 @@ impl Moves {
         let last = history.and_then(|history| history.get(&key));
         let before = last.filter(|last| look.goes_on_from(last));
         let seen = look.seen(before, last);
+        let index = seen.frames - 1;
+        let (jitter_px, footprint_scale) = match before {
+            Some(before) if smooths && before.moment == seen.moment => {
+                (Jitter::new(OFFSETS).offset_px(index % OFFSETS), RESTING_FOOTPRINT)
+            }
+            // A camera that moves takes every frame elsewhere by itself, and offsets would only be blurred away.
+            Some(_) if smooths => (Vec2::ZERO, MOVING_FOOTPRINT),
+            _ => (Vec2::ZERO, 1.0),
+        };
         let antialias = smooths.then(|| AntialiasInputs {
-            jitter_px: [0.0; 2],
             rests: before.is_some_and(|before| before.shows_the_same_as(&seen)),
+            jitter_px: jitter_px.to_array(),
             history_scale: before.map_or(1.0, |before| seen.radiance_scale / before.radiance_scale),
         });
-        let mut moves =
-            Self { now: seen.moment, before: before.map(|before| before.moment), antialias, key, seen };
-        let jitter_px = moves.sampling().0.to_array();
-        moves.antialias = moves.antialias.map(|inputs| AntialiasInputs { jitter_px, ..inputs });
-        moves
-    }
-
-    /// Offset within the pixel, and how much smaller than it textures are filtered. Where the camera moves it takes every frame
-    /// elsewhere by itself, and offsets would only be blurred away.
-    pub(crate) fn sampling(&self) -> (Vec2, f32) {
-        let before = self.seen.frames - 1;
-        if self.antialias.is_none() || before == 0 {
-            (Vec2::ZERO, 1.0)
-        } else if self.before == Some(self.now) {
-            (Jitter::new(OFFSETS).offset_px(before % OFFSETS), RESTING_FOOTPRINT)
-        } else {
-            (Vec2::ZERO, MOVING_FOOTPRINT)
-        }
+        let (now, before) = (seen.moment, before.map(|before| before.moment));
+        Self { now, before, sampling: (jitter_px, footprint_scale), antialias, key, seen }
     }
 
     /// Once the frame is recorded, the next may go on from it.

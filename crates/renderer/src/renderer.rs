@@ -231,7 +231,7 @@ impl Renderer {
             return Err(Error::NoPasses);
         }
         let settings = &self.resolved;
-        check_view(view, size_px, Vec2::ZERO)?;
+        check_view(view, size_px)?;
         let sampling = sampling.into();
         let smooths = sampling == Sampling::Moving && settings.smooths();
         let look = Look { scene, view, size_px, settings };
@@ -242,7 +242,9 @@ impl Renderer {
         });
         let (jitter_px, footprint_scale) = match sampling {
             Sampling::Single { jitter_px, footprint_scale } => (jitter_px, footprint_scale),
-            Sampling::Moving | Sampling::Steady => moves.as_ref().map_or((Vec2::ZERO, 1.0), Moves::sampling),
+            Sampling::Moving | Sampling::Steady => {
+                moves.as_ref().map_or((Vec2::ZERO, 1.0), |moves| moves.sampling)
+            }
         };
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
         let steady = view.clip_from_ws(size_px, Vec2::ZERO);
@@ -384,8 +386,8 @@ pub(crate) fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), Error> {
 }
 
 /// Whether the view has a matrix.
-pub(crate) fn check_view(view: &View, size_px: [u32; 2], jitter_px: Vec2) -> Result<(), Error> {
-    let matrices = [view.clip_from_ws(size_px, jitter_px), view.relative_from_clip(size_px, jitter_px)];
+pub(crate) fn check_view(view: &View, size_px: [u32; 2]) -> Result<(), Error> {
+    let matrices = [view.clip_from_ws(size_px, Vec2::ZERO), view.relative_from_clip(size_px, Vec2::ZERO)];
     if matrices.iter().all(Mat4::is_finite) {
         return Ok(());
     }

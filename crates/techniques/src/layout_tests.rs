@@ -268,13 +268,9 @@ fn rust_structs_equal_their_wesl_twins() {
         size_px,
         jitter_px,
         rests,
-        moving_frames,
-        still_frames,
         history_scale,
-        reach,
-        reach_still,
-        decay,
         key,
+        reserved,
     );
     same!(
         &linked("view/motion_vectors.cs.wesl"),

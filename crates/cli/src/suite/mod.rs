@@ -3,11 +3,10 @@
 pub mod reference;
 pub mod shadows;
 
-use anyhow::Context;
 use serde::Serialize;
 
 use crate::args::BenchArgs;
-use crate::output::create_parent;
+use crate::output;
 use crate::session::Session;
 use crate::timings::Machine;
 
@@ -37,7 +36,5 @@ fn write_json<R: Serialize, S>(
         frames: args.frames,
         rows,
     };
-    create_parent(path)?;
-    std::fs::write(path, serde_json::to_string_pretty(&report)? + "\n")
-        .with_context(|| format!("cannot write {}", path.display()))
+    output::write_json(path, &report)
 }

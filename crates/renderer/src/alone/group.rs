@@ -90,7 +90,7 @@ pub(super) fn placed(
     (view, size_px): (&View, [u32; 2]),
 ) -> Result<Vec<LightData>, Error> {
     check_size(gpu, size_px)?;
-    check_view(view, size_px, Vec2::ZERO)?;
+    check_view(view, size_px)?;
     if let Some(number) = lights.iter().position(|(_, pose)| !pose.is_finite()) {
         let name = &lights[number].0.name;
         let name = if name.is_empty() { String::new() } else { format!(" “{name}”") };

@@ -6,7 +6,7 @@
 //!
 //! What is seen for the first time shows one frame. Limits: what a mirror or glass shows, shadows and highlights do not move
 //! with surfaces, and follow within the box of colours; detail finer than a pixel keeps some of its flicker. Cost: 8 bytes of
-//! radiance, 16 of motion, 8 of what is seen and 8 of the frames before read a pixel, 8 written.
+//! radiance, 16 of motion, 8 of what is seen and 12 of the frames before read a pixel, 12 written.
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
@@ -18,19 +18,10 @@ use chiaro_gpu::{
 use crate::view::MotionOutputs;
 use crate::{Kit, Pass, shaders};
 
-/// Frames of a point's past that count where the picture moves. More is calmer, and blurs what is resampled again and again.
-const MOVING_FRAMES: f32 = 1.0;
-/// The same where it does not.
-const STILL_FRAMES: f32 = 63.0;
 /// Brightness that is half as bright as can be: of radiance, a quarter of white under the brightest light as it is stored; of
 /// unlit colours a quarter of the display's white.
 const KEY: f32 = 64.0;
 const UNLIT_KEY: f32 = 0.25;
-/// How fast what is drawn into its box loses its past: the power of how far outside it was.
-const DECAY: f32 = 2.0;
-/// Half a box's side, standard deviations: of what moves across the picture, and of what does not.
-const REACH: f32 = 2.0;
-const REACH_STILL: f32 = 2.5;
 
 /// See `antialias.cs.wesl`.
 #[repr(C)]
@@ -39,13 +30,9 @@ pub(crate) struct AntialiasData {
     pub(crate) size_px: [u32; 2],
     pub(crate) jitter_px: [f32; 2],
     pub(crate) rests: u32,
-    pub(crate) moving_frames: f32,
-    pub(crate) still_frames: f32,
     pub(crate) history_scale: f32,
-    pub(crate) reach: f32,
-    pub(crate) reach_still: f32,
-    pub(crate) decay: f32,
     pub(crate) key: f32,
+    pub(crate) reserved: u32,
 }
 
 /// What a frame's anti-aliasing goes by.
@@ -152,14 +139,10 @@ impl Antialias {
             let data = AntialiasData {
                 size_px: [options.width, options.height],
                 rests: u32::from(inputs.rests),
-                moving_frames: MOVING_FRAMES,
-                still_frames: STILL_FRAMES,
                 history_scale,
-                reach: REACH,
                 jitter_px: inputs.jitter_px,
-                reach_still: REACH_STILL,
                 key: if number == 0 { KEY } else { UNLIT_KEY },
-                decay: DECAY,
+                reserved: 0,
             };
             frame.upload(uniform, &[data]);
             let [(now, remainders), (before, remainders_before)] =

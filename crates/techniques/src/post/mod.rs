@@ -1,4 +1,5 @@
-//! From radiance to pictures: accumulation of jittered frames, temporal anti-aliasing, exposure, tone mapping, and single quantities (AOVs).
+//! From radiance to pictures: accumulation of jittered frames, temporal anti-aliasing, exposure, tone mapping, and single
+//! quantities (AOVs).
 //!
 //! | output | format | unit |
 //! | --- | --- | --- |
@@ -79,7 +80,8 @@ pub enum Aov {
     /// How many spots and points may reach the pixel: those of its froxel.
     Lights,
     /// How far what the pixel shows has moved since the frame before: pixels right, pixels down, metres away from the camera's
-    /// plane. Of see-through surfaces the nearest; taken once, in the pixel's middle.
+    /// plane. Of see-through surfaces the nearest. Taken once a still, in the pixel's middle; of a frame that is averaged over
+    /// time, where that was taken.
     Motion,
 }
 

@@ -1,10 +1,10 @@
-//! Motion vectors: how far what each pixel shows has moved since the frame before, and for how many frames it was seen. What
-//! a technique keeps from frame to frame it looks up where things were, and trusts as long as they have been seen.
+//! Motion vectors: how far what each pixel shows has moved since the frame before, and whether it was seen then. What
+//! a technique keeps from frame to frame it looks up where things were, and trusts where they were seen.
 //!
 //! | output | format | unit |
 //! | --- | --- | --- |
-//! | motion | Rgba32Float | pixels right, pixels down, metres away from the camera's plane; frames that this has been seen before, 0 where it has not |
-//! | seen | Rg32Uint | metres along the camera's axis (0: sky); normal and frames, see `motion_vectors.cs.wesl` |
+//! | motion | Rgba32Float | pixels right, pixels down, metres away from the camera's plane; 1 where this was seen in the frame before |
+//! | seen | Rg32Uint | metres along the camera's axis (0: sky), bits of a float; normal of the triangle, octahedral |
 //!
 //! Of see-through surfaces the nearest moves. A mirror image and what is seen through glass do not move with it; shadows and
 //! highlights move by themselves. Cost: 4 bytes a pixel of visibility and 8 of the frame before read, 24 written, and the

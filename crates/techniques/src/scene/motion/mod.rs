@@ -301,7 +301,7 @@ impl SceneMotion {
             }
             *last = step;
         }
-        jumped > (0.25 * all).max(COUNTS * scene_m * scene_m)
+        jumped > (0.25 * all).max(LEAST_AREA * scene_m * scene_m)
     }
 
     /// Whether what a view kept of a generation holds for the next frame: the previous positions are, or will be, those of
@@ -378,7 +378,7 @@ impl SceneMotion {
 /// What goes further than this share of its own size with a pose may have jumped.
 const JUMP_SHARE: f32 = 0.25;
 /// What is smaller than this share of a scene's size squared breaks no picture.
-const COUNTS: f32 = 0.01;
+const LEAST_AREA: f32 = 0.01;
 
 /// Rows of an affine map, so that a point is three dot products.
 fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
