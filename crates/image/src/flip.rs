@@ -120,8 +120,10 @@ struct Eye {
 
 /// What an eye keeps of a tile.
 struct Seen {
-    /// Y, Cx and Cz after the contrast sensitivity filters.
+    /// Y, Cx and Cz after the contrast sensitivity filters, from `base` on: filters leave what is plain as it is, which thus
+    /// keeps all its digits.
     opponent: [Vec<f32>; 3],
+    base: [f64; 3],
     /// Along x and along y.
     edges: [Vec<f32>; 2],
     points: [Vec<f32>; 2],
@@ -173,7 +175,11 @@ impl Eye {
     }
 
     fn see(&self, tile: &Tile, rgb: &[Vec<f64>; 3]) -> Seen {
-        let opponent = self.space.opponent_from_rgb.map(|row| mixed(row, rgb, |value| value as f32));
+        let rows = self.space.opponent_from_rgb;
+        let corner = rgb.each_ref().map(|plane| plane[..1].to_vec());
+        let base = rows.map(|row| mixed(row, &corner, |value| value)[0]);
+        let opponent: [Vec<f32>; 3] =
+            [0, 1, 2].map(|channel| mixed(rows[channel], rgb, |value| (value - base[channel]) as f32));
         let margin = self.radius;
         let along_rows = |plane: &[f32], kernel: &Kernel| {
             let mut out = vec![0.0; tile.width * (tile.height + 2 * margin)];
@@ -207,16 +213,21 @@ impl Eye {
             };
             parts.reduce(sum).unwrap_or_default()
         });
-        Seen { opponent, edges, points }
+        Seen { opponent, base, edges, points }
     }
 
     /// Raises logarithms of differences to those between what is seen of the reference and what is seen with a change.
     fn raise(&self, largest: &mut [f64], reference: &Seen, change: &Seen) {
-        let test: [Vec<f64>; 3] = [0, 1, 2].map(|channel| {
-            let pairs = reference.opponent[channel].iter().zip(&change.opponent[channel]);
-            pairs.map(|(value, change)| *value as f64 + *change as f64).collect()
+        let whole = |seen: &Seen, channel: usize| {
+            let base = seen.base[channel];
+            seen.opponent[channel].iter().map(|value| base + f64::from(*value)).collect::<Vec<_>>()
+        };
+        let shown = [0, 1, 2].map(|channel| whole(reference, channel));
+        let test = [0, 1, 2].map(|channel| {
+            let pairs = shown[channel].iter().zip(whole(change, channel));
+            pairs.map(|(value, change)| value + change).collect()
         });
-        let colours = hyab(&self.space.roots(&reference.opponent), &self.space.roots(&test));
+        let colours = hyab(&self.space.roots(&shown), &self.space.roots(&test));
         let edges = difference_of_lengths(&reference.edges, &change.edges);
         let points = difference_of_lengths(&reference.points, &change.points);
         let features = edges.iter().zip(&points);
@@ -229,13 +240,9 @@ impl Eye {
 }
 
 /// The weighted sum of three planes.
-fn mixed<T: Copy + Into<f64>, U>(
-    [u, v, w]: [f64; 3],
-    [a, b, c]: &[Vec<T>; 3],
-    then: impl Fn(f64) -> U,
-) -> Vec<U> {
+fn mixed<U>([u, v, w]: [f64; 3], [a, b, c]: &[Vec<f64>; 3], then: impl Fn(f64) -> U) -> Vec<U> {
     let values = a.iter().zip(b).zip(c);
-    values.map(|((&a, &b), &c)| then(u * a.into() + v * b.into() + w * c.into())).collect()
+    values.map(|((&a, &b), &c)| then(u * a + v * b + w * c)).collect()
 }
 
 /// Of vectors, and of the same with a change.
@@ -402,7 +409,7 @@ impl ColourSpace {
     }
 
     /// What CIE L*a*b* is made of: cube roots of relative XYZ, but for dark colours.
-    fn roots<T: Copy + Into<f64>>(&self, opponent: &[Vec<T>; 3]) -> [Vec<f64>; 3] {
+    fn roots(&self, opponent: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
         const DELTA: f64 = 6.0 / 29.0;
         // The filters ring beyond what a screen can show.
         let rgb = self.rgb_from_opponent.map(|row| mixed(row, opponent, |value| value.clamp(0.0, 1.0)));
@@ -476,7 +483,7 @@ mod tests {
     #[test]
     fn plain_green_and_plain_blue_are_as_different_as_colours_can_be() {
         let map = flip(&plain([0.0, 1.0, 0.0]), &plain([0.0, 0.0, 1.0]), 24);
-        assert!(map.iter().all(|value| (value - 1.0).abs() < 1e-7), "{}", map[0]);
+        assert!(map.iter().all(|value| (value - 1.0).abs() < 1e-9), "{}", map[0]);
     }
 
     #[test]
