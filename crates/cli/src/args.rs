@@ -1,13 +1,15 @@
 //! The flags of every subcommand, and their help.
 
 use std::path::PathBuf;
+use std::str::FromStr as _;
 
 use chiaro::scene::HeightMap;
+use chiaro_lab::Part;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::values::{
-    FrameRange, GroundSize, Setting, Size, View, blur_px, chart_output, frames_per_second, positive,
-    radiance_output, render_output, seconds, share, some_seconds, terrain_metres, terrain_vertices,
+    FrameRange, GroundSize, Setting, ShardArg, Size, Vary, View, blur_px, chart_output, frames_per_second,
+    positive, radiance_output, render_output, seconds, share, some_seconds, terrain_metres, terrain_vertices,
     values_of,
 };
 
@@ -94,6 +96,48 @@ folder of -o, and measures with 2048x2048 maps rendered every frame.
 tells the median, the 99th percentile and the maximum of each pass and of the whole frame; -o draws
 every frame's time.")]
     Bench(BenchArgs),
+    /// Hold techniques against the truth side by side: errors, noise, flicker, GPU time, memory, pictures
+    #[command(after_help = "\
+Examples:
+  chiaro compare builtin:nave -o report/
+  chiaro compare room.glb --technique default --technique soft:shadow.filter=pcss --part direct -o report/
+  chiaro compare room.glb --technique mine.ron --technique paths:2 --seeds 8 --size 1920x1080 -o report/
+  chiaro compare builtin:flight --frames 0..48 --fps 24 --size 640x360 -o flight/
+  chiaro compare room.glb --reference bounce1.exr --minus direct.exr --part indirect -o report/
+
+A technique T is a preset, a .ron file, label:key=value,key=value (preset=NAME among the keys), or
+paths:MS, the program's own path tracer given so many milliseconds of GPU time, at least one sample a
+pixel, its irradiance filtered along edges (paths:MS:raw: not filtered). Light that paths bring to the
+part alone is traced: caustics by paths from the lights.
+
+Parts of the light: direct reaches its first surface unhindered, from lamps, glowing meshes, environment
+or sky, or is seen itself; caustics came through mirrors and smooth glass alone, then met one surface
+that scatters; indirect was scattered before. Together they are the picture.
+
+The truth is traced by the program itself to --target-error, a picture's mean absolute error over its
+mean, and kept in the folder $CHIARO_CACHE, else in the user's folder for caches (on Linux
+~/.cache/chiaro), by all that it depends on; delete what you like of it. How good it is was measured on
+two halves that know nothing of each other.
+
+The folder gets results.json, results.csv, and for the truth and each technique a picture in nits (.exr),
+the same as seen at one exposure (.png), and where it is too dark (blue) and too bright (red)
+(.error.png). Figures are means over seeds, pictures those of the first. bias = sqrt(MSE - variance) and
+noise = sqrt(variance) are shares of the truth's mean, from two seeds on; the truth's own noise counts
+in neither. Two runs give the same figures; only times differ.")]
+    Compare(CompareArgs),
+    /// Measure every combination of settings, a row each, in a file that may be gone on with
+    #[command(after_help = "\
+Examples:
+  chiaro sweep builtin:nave --vary shadow.filter=pcf,pcss --vary shadow.resolution=1024,2048 -o rows.jsonl
+  chiaro sweep builtin:nave room.glb --vary preset=default,fast --vary size=640x360,1280x720 -o rows.jsonl
+  parallel chiaro sweep room.glb --vary shadow.cascades=1,2,3,4 --shard {}/2 -o rows.{}.jsonl ::: 1 2
+
+Keys are those of `chiaro settings`, and preset, size and samples. A row of JSON has the columns of
+`chiaro compare`'s results.csv, the varied values and an id; it is written whole. Rows that stand in the
+file are skipped, so that a sweep may be killed and started again. Settings that do not go together make
+a row that says so (`refused`). What says what is there (surface.lighting, surface.normal_maps,
+environment.*) is varied in the truth, too. Sweeps side by side on one device disturb each other's times.")]
+    Sweep(SweepArgs),
     /// Measure how far image A is from the reference image B
     #[command(after_help = "\
 Examples:
@@ -358,6 +402,104 @@ pub enum Suite {
     Reference,
 }
 
+/// What techniques are held against, and how often.
+#[derive(Debug, Args)]
+pub struct JudgeArgs {
+    /// The part of the light
+    #[arg(long, value_name = "PART", default_value = "picture", value_parser = Part::from_str)]
+    pub part: Part,
+    /// Frames to average for each picture [default: 16; with --frames 1, smoothed over time as post.antialias says, where it
+    /// says taa]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub samples: Option<u32>,
+    /// Seeds of each technique, which tell bias from noise; those that draw no lots are rendered twice at most
+    #[arg(long, value_name = "K", default_value_t = 4, value_parser = positive)]
+    pub seeds: u32,
+    /// Leave out the pixels where this image is above 0
+    #[arg(long, value_name = "FILE")]
+    pub mask: Option<PathBuf>,
+    /// Frames that are timed, after a warm-up; 0 times none [default: 100; 5 where there is no GPU]
+    #[arg(long, value_name = "N")]
+    pub timed_frames: Option<u32>,
+    /// The truth's own mean absolute error at most, over its mean
+    #[arg(long, value_name = "E", default_value = "0.5%", allow_negative_numbers = true, value_parser = share)]
+    pub target_error: f64,
+    /// Samples of the truth at most, whatever its error is then
+    #[arg(long, value_name = "N", default_value_t = 1 << 20, value_parser = positive)]
+    pub most_samples: u32,
+    /// In the truth, most times that light goes from one scattering surface to another, mirrors and smooth glass not counted
+    /// [default: no limit]
+    #[arg(long, value_name = "N")]
+    pub diffuse_bounces: Option<u32>,
+    /// Neither look for the truth in the cache nor keep it there
+    #[arg(long)]
+    pub no_cache: bool,
+    /// The moments
+    #[command(flatten)]
+    pub time: TimeArgs,
+}
+
+/// `chiaro compare`
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// The scene
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// What all techniques begin with
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// A technique; may be given many times [default: the presets default and fast]
+    #[arg(long = "technique", value_name = "T")]
+    pub techniques: Vec<String>,
+    /// How they are judged
+    #[command(flatten)]
+    pub judge: JudgeArgs,
+    /// The truth: full traces it, or an image of the size that is rendered
+    #[arg(long, value_name = "full|FILE", default_value = "full")]
+    pub reference: String,
+    /// Subtract this image from that of --reference first
+    #[arg(long, value_name = "FILE")]
+    pub minus: Option<PathBuf>,
+    /// The folder for the report
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: PathBuf,
+}
+
+/// `chiaro sweep`
+#[derive(Debug, Args)]
+pub struct SweepArgs {
+    /// Scenes: files, or builtin:NAME
+    #[arg(value_name = "SCENE", required = true)]
+    pub scenes: Vec<String>,
+    /// A key and the values that it is to have; may be given many times, the last one varies fastest
+    #[arg(long, value_name = "KEY=V1,V2,…", required = true)]
+    pub vary: Vec<Vary>,
+    /// This run's rows: every N-th from the I-th on, I from 1 to N
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<ShardArg>,
+    /// What all rows begin with
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+    /// How they are judged
+    #[command(flatten)]
+    pub judge: JudgeArgs,
+    /// The image's width and height in pixels [default: 1280x720]
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+    /// A camera of the scenes, by its number from 0 or by its name [default: the first]
+    #[arg(long, value_name = "INDEX|NAME", conflicts_with = "view")]
+    pub camera: Option<String>,
+    /// A camera of your own, as for `chiaro render`
+    #[arg(long, value_name = "x,y,z,tx,ty,tz,yfov_deg", allow_hyphen_values = true)]
+    pub view: Option<View>,
+    /// A Radiance HDR or EXR picture of the surroundings, which lights the scenes
+    #[arg(long, value_name = "FILE")]
+    pub environment: Option<PathBuf>,
+    /// The file of rows, each a line of JSON
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
 /// `chiaro diff`
 #[derive(Debug, Args)]
 pub struct DiffArgs {
@@ -406,6 +548,8 @@ pub enum Heat {
     Flip,
     /// HDR-FLIP
     HdrFlip,
+    /// A-B relative to the mean of B: blue where A is too dark, red where it is too bright
+    Signed,
 }
 
 impl From<Heat> for chiaro_image::Heat {
@@ -414,6 +558,7 @@ impl From<Heat> for chiaro_image::Heat {
             Heat::Error => Self::Error,
             Heat::Flip => Self::Flip,
             Heat::HdrFlip => Self::HdrFlip,
+            Heat::Signed => Self::Signed,
         }
     }
 }

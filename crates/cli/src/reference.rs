@@ -7,12 +7,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use chiaro::{FirstHit, Integrator, Recorder, Reference, ReferenceOptions};
+use chiaro_lab::session::counts_in_truth;
+use chiaro_lab::{Session, Tracing};
 
 use crate::args::{self, ReferenceArgs, SettingsArgs};
+use crate::asked;
 use crate::frames::{self, Moment};
 use crate::interrupt::Interrupt;
 use crate::output::print;
-use crate::session::{Session, Tracing};
 use crate::values::Setting;
 use file::Sums;
 use progress::Progress;
@@ -30,10 +32,10 @@ const WRITING: u32 = 20;
 pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     let first_hits = file::first_hits(args)?;
     let settings = SettingsArgs { preset: None, set: args.set.clone(), seed: args.seed, pipeline: None };
-    for Setting { key, .. } in args.set.iter().filter(|change| !file::counts(&change.key)) {
+    for Setting { key, .. } in args.set.iter().filter(|change| !counts_in_truth(&change.key)) {
         eprintln!("warning: --set {key} does nothing in a reference, which has no techniques");
     }
-    let mut session = Session::open_to_trace(&args.scene, &settings)?;
+    let mut session = asked::open_to_trace(&args.scene, asked::settings(&settings)?)?;
     if session.duration_s().is_none() && (args.time.frames.is_some() || args.time.time != 0.0) {
         eprintln!("note: nothing in this scene moves; every moment looks the same");
     }

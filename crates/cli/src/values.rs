@@ -134,6 +134,38 @@ impl FromStr for Setting {
     }
 }
 
+/// A key and the values that it is to have, written `key=v1,v2`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Vary(pub chiaro_lab::Vary);
+
+impl FromStr for Vary {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let Setting { key, value } = text.parse()?;
+        let values: Vec<_> = value.split(',').map(|value| value.trim().to_owned()).collect();
+        if values.iter().any(String::is_empty) {
+            return Err("a value is missing between commas; write KEY=V1,V2".to_owned());
+        }
+        Ok(Self(chiaro_lab::Vary { key, values }))
+    }
+}
+
+/// A part of the work, written `I/N`, from 1 to N.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ShardArg(pub chiaro_lab::Shard);
+
+impl FromStr for ShardArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        let shard = parts.map(|(index, of)| chiaro_lab::Shard { index, of });
+        let shard = shard.filter(|shard| (1..=shard.of).contains(&shard.index));
+        shard.map(Self).ok_or_else(|| "write I/N with I from 1 to N, such as 2/4".to_owned())
+    }
+}
+
 /// The values of a setting that is a choice, with their meanings.
 pub fn values_of(key: &str) -> PossibleValuesParser {
     let field = Settings::fields().iter().find(|field| field.key == key);
@@ -289,6 +321,20 @@ mod tests {
         assert_eq!((setting.key.as_str(), setting.value.as_str()), ("camera.tone_map", "a=b"));
         for wrong in ["", "key", "=value", "key="] {
             assert!(wrong.parse::<Setting>().is_err(), "{wrong} was taken");
+        }
+    }
+
+    #[test]
+    fn values_and_shards_are_lists_and_fractions() {
+        let Vary(vary) = "shadow.filter = pcf, pcss".parse().unwrap();
+        assert_eq!(
+            (vary.key.as_str(), vary.values),
+            ("shadow.filter", vec!["pcf".to_owned(), "pcss".to_owned()])
+        );
+        assert!("shadow.filter=".parse::<Vary>().is_err() && "a=1,,2".parse::<Vary>().is_err());
+        assert_eq!("2/3".parse(), Ok(ShardArg(chiaro_lab::Shard { index: 2, of: 3 })));
+        for wrong in ["0/3", "4/3", "2", "a/b", "1/0", "-1/2", "1/2/3"] {
+            assert!(wrong.parse::<ShardArg>().is_err(), "{wrong} was taken");
         }
     }
 

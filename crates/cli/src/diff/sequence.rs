@@ -7,13 +7,14 @@ use anyhow::{Context, bail};
 use chiaro_image::{
     CompareOptions, ComparedFrame, Comparison, FrameMetrics, Image, Sequence, SequenceMetrics, read,
 };
+use chiaro_lab::files::bar;
+use chiaro_lab::plot::{self, Curve, Panel};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::folder::Numbered;
 use crate::args::DiffArgs;
-use crate::output::{WrongUsage, bar, print, print_json};
-use crate::plot::{self, Curve, Panel};
+use crate::output::{WrongUsage, print, print_json};
 
 /// Frames measured at once: each takes about 150 bytes a pixel.
 const AT_ONCE: usize = 8;

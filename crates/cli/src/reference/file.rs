@@ -4,17 +4,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use chiaro::{FirstHit, Gpu, Pixels, Reference, Settings, View};
+use chiaro::{FirstHit, Gpu, Pixels, Reference};
 use chiaro_image::{Image, Layers, Precision, read_layers, write_exr, write_layers};
+use chiaro_lab::pictures::mean;
+use chiaro_lab::session::{camera_text, truth_settings};
+use chiaro_lab::{Session, Tracing};
 use clap::ValueEnum;
 
 use crate::args::{Integrator, ReferenceArgs};
 use crate::output::WrongUsage;
-use crate::render::mean;
-use crate::session::{Session, Tracing};
 
-/// The settings that say what is there.
-const SETTINGS: [&str; 3] = ["surface.lighting", "surface.normal_maps", "environment."];
 /// Samples a pixel so far.
 const SAMPLES: &str = "samples";
 /// Seconds of `--time-limit` that ended the render; only where they did.
@@ -41,9 +40,9 @@ pub fn about(
         ("time", format!("{time_s} s")),
         (SCENE, session.scene_name.clone()),
         ("scene fingerprint", format!("{:016x}", session.source.fingerprint())),
-        ("camera", camera(&session.view)),
+        ("camera", camera_text(&session.view)),
         ("origin", format!("{} m", session.source.origin)),
-        ("settings", settings(session.renderer.settings())),
+        ("settings", truth_settings(session.renderer.settings())),
         ("seed", args.seed.to_string()),
         ("max depth", args.max_depth.to_string()),
         ("diffuse bounces", args.diffuse_bounces.map_or("no limit".to_owned(), |most| most.to_string())),
@@ -55,24 +54,6 @@ pub fn about(
 /// Remembers that the time limit ended the render.
 pub fn set_timed_out(about: &mut BTreeMap<String, String>, limit_s: f64) {
     about.insert(TIMED_OUT.to_owned(), limit_s.to_string());
-}
-
-fn camera(view: &View) -> String {
-    // The command line's views are neither shifted nor of an aspect of their own.
-    let View { world_from_camera, projection, near_m, far_m, .. } = view;
-    format!("{projection:?}, near {near_m} m, far {far_m} m, world_from_camera {world_from_camera}")
-}
-
-/// Whether a setting says what is there.
-pub fn counts(key: &str) -> bool {
-    SETTINGS.iter().any(|known| key.starts_with(known))
-}
-
-fn settings(settings: &Settings) -> String {
-    let fields = Settings::fields();
-    let keys = fields.iter().map(|f| &f.key).filter(|key| counts(key));
-    let values = keys.map(|key| format!("{key}={}", settings.get(key).unwrap_or_default()));
-    values.collect::<Vec<_>>().join(" ")
 }
 
 fn sorted(names: &[String]) -> Vec<&str> {
@@ -237,14 +218,14 @@ impl Sums {
     }
 
     fn mean_of(&self, name: &str) -> anyhow::Result<Image> {
-        mean(self.layer(name)?, self.samples)
+        Ok(mean(self.layer(name)?, self.samples)?)
     }
 
     /// What light paths brought: nothing where there are none.
     fn caustics(&self) -> anyhow::Result<Image> {
         let sum = self.layer("sum")?;
         let black = Image::filled(sum.width, sum.height, [0.0; 3]);
-        self.layer("caustics").map_or(Ok(black), |caustics| mean(caustics, self.samples))
+        self.layer("caustics").map_or(Ok(black), |caustics| Ok(mean(caustics, self.samples)?))
     }
 }
 

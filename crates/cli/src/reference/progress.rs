@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
+use chiaro_lab::files::bar;
 use indicatif::ProgressBar;
 
 use crate::args::ReferenceArgs;
-use crate::output::bar;
 
 /// Samples a pixel where nothing says when to stop.
 const DEFAULT_SAMPLES: u32 = 64;

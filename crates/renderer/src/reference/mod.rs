@@ -198,6 +198,21 @@ impl Reference {
         Ok(())
     }
 
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.kit.gpu
+    }
+
+    /// What is traced.
+    pub fn options(&self) -> ReferenceOptions {
+        self.options
+    }
+
+    /// Lets random choices start from another seed. To be followed by [`Reference::restart`] or [`Reference::restore`].
+    pub fn reseed(&mut self, seed: u32) {
+        self.options.seed = seed;
+    }
+
     /// Starts the image again where the scene is now: `loaded` has taken another pose since. The trees follow, which is
     /// quicker than building them anew but leaves those of bending meshes as good as they fit.
     ///
