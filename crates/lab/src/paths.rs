@@ -173,7 +173,12 @@ impl Paths {
             Ok(Image::from_pixels(size[0], size[1], pixels)?)
         };
         let [albedo, normal, depth] = FEATURES.map(image);
-        Ok(Features { albedo: albedo?, normal: normal?, depth: depth? })
+        // Paths of one edge bring just that.
+        let glow = match self.part {
+            Part::Picture | Part::Direct => part_of(&layers, observer.samples(), Part::Picture, *size)?,
+            Part::Indirect | Part::Caustics => Image::filled(size[0], size[1], [0.0; 3]),
+        };
+        Ok(Features { albedo: albedo?, normal: normal?, depth: depth?, glow })
     }
 
     fn restart(&mut self, session: &Session, settings: &Settings, seed: u32) -> Result<(), Error> {
