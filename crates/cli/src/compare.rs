@@ -38,13 +38,14 @@ pub fn compare(args: &CompareArgs) -> anyhow::Result<()> {
     if args.reference == FULL && args.minus.is_some() {
         bail!(WrongUsage("--minus is subtracted from an image: name it by --reference".to_owned()));
     }
+    let cache = cache(&args.judge);
     let source = if args.reference == FULL {
-        Source::Full(truth(&args.judge)?)
+        Source::Full(truth(&args.judge, cache.clone()))
     } else {
         Source::File { path: args.reference.clone().into(), minus: args.minus.clone() }
     };
     let gpu = open_gpu(&mut tell)?;
-    let options = judge(&args.judge, gpu.is_software())?;
+    let options = judge(&args.judge, cache, gpu.is_software())?;
     let mut session = Session::open_to_compare(&gpu, &asked::choice(&args.scene), base.clone(), &mut tell)?;
     tell_of_rest(&session, &args.judge);
     let report = chiaro_lab::compare(
@@ -63,13 +64,14 @@ pub fn sweep(args: &SweepArgs) -> anyhow::Result<()> {
     if args.output.is_dir() {
         bail!(WrongUsage(format!("-o {}: rows go to a file, but this is a folder", args.output.display())));
     }
+    let cache = cache(&args.judge);
     let gpu = open_gpu(&mut tell)?;
     let options = SweepOptions {
         scenes: scenes(args),
         vary: args.vary.iter().map(|vary| vary.0.clone()).collect(),
         base: Settings::clone(&base),
-        judge: judge(&args.judge, gpu.is_software())?,
-        truth: truth(&args.judge)?,
+        judge: judge(&args.judge, cache.clone(), gpu.is_software())?,
+        truth: truth(&args.judge, cache),
         shard: args.shard.map(|shard| shard.0),
     };
     let swept = chiaro_lab::sweep(&gpu, &options, &args.output, &mut tell)?;
@@ -98,23 +100,23 @@ fn scenes(args: &SweepArgs) -> Vec<SceneChoice> {
     args.scenes.iter().map(choice).collect()
 }
 
-fn truth(args: &JudgeArgs) -> anyhow::Result<TruthOptions> {
+fn truth(args: &JudgeArgs, cache: Option<Cache>) -> TruthOptions {
     let &JudgeArgs { part, target_error, most_samples, diffuse_bounces, .. } = args;
-    Ok(TruthOptions { part, target_error, most_samples, diffuse_bounces, cache: cache(args)? })
+    TruthOptions { part, target_error, most_samples, diffuse_bounces, cache }
 }
 
-fn cache(args: &JudgeArgs) -> anyhow::Result<Option<Cache>> {
+fn cache(args: &JudgeArgs) -> Option<Cache> {
     if args.no_cache {
-        return Ok(None);
+        return None;
     }
     let cache = Cache::of_user();
     if cache.is_none() {
         eprintln!("note: there is no folder for caches, so that truths are not kept; {VARIABLE} names one");
     }
-    Ok(cache)
+    cache
 }
 
-fn judge(args: &JudgeArgs, is_software: bool) -> anyhow::Result<JudgeOptions> {
+fn judge(args: &JudgeArgs, cache: Option<Cache>, is_software: bool) -> anyhow::Result<JudgeOptions> {
     let moment = |moment: frames::Moment| Moment { number: moment.number, time_s: moment.time_s };
     Ok(JudgeOptions {
         part: args.part,
@@ -123,7 +125,7 @@ fn judge(args: &JudgeArgs, is_software: bool) -> anyhow::Result<JudgeOptions> {
         moments: frames::moments(&args.time).map(moment).collect(),
         mask: args.mask.as_ref().map(read).transpose()?,
         diffuse_bounces: args.diffuse_bounces,
-        cache: cache(args)?,
+        cache,
         timed_frames: args.timed_frames.unwrap_or(TIMED[usize::from(is_software)]),
     })
 }

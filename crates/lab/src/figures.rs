@@ -114,10 +114,9 @@ impl Squares {
 
     /// Writes the roots, as shares of the truth's mean.
     pub fn tell(&self, figures: &mut Figures) {
-        let share = |square: f64| square.sqrt() / self.mean;
-        figures.rmse = share(self.all);
-        figures.bias = self.bias.map(share);
-        figures.noise = self.variance.map(share);
+        figures.rmse = self.all.sqrt() / self.mean;
+        figures.bias = self.bias.map(|bias| bias.sqrt() / self.mean);
+        figures.noise = self.variance.map(|variance| variance.sqrt() / self.mean);
     }
 }
 

@@ -115,68 +115,100 @@ pub fn sweep(gpu: &Gpu, options: &SweepOptions, path: &Path, tell: Tell<'_>) -> 
     let mut swept = Swept::default();
     for (index, choice) in options.scenes.iter().enumerate() {
         let of_scene: Vec<_> = mine.iter().filter(|combination| combination.scene == index).collect();
-        let Some(first) = of_scene.first() else { continue };
-        let mut base = Session::open_to_compare(gpu, choice, options.base.clone(), tell)
+        if of_scene.is_empty() {
+            continue;
+        }
+        let session = Session::open_to_compare(gpu, choice, options.base.clone(), tell)
             .map_err(|error| error.of(choice.source.to_string()))?;
-        let plain_size = base.size;
-        let _ = first;
-        let mut truths = Truths::new(&base, options.truth.clone());
-        let mut last: Option<(String, Vec<Truth>)> = None;
+        let mut open = OfScene::new(session, options);
         for combination in of_scene {
             let text = words(&combination.values);
             progress.set_message(text.clone());
-            let asked = asked(&options.base, &combination.values)?;
-            base.size = asked.size.unwrap_or(plain_size);
-            let judge_options =
-                JudgeOptions { samples: asked.samples.or(options.judge.samples), ..options.judge.clone() };
-            let id = id(&base, &asked, (&text, options, &judge_options));
-            if known.contains(&id) {
-                swept.skipped += 1;
-                progress.inc(1);
-                continue;
+            let row =
+                open.row((options, &known), &combination.values, tell).map_err(|error| error.of(text))?;
+            match row {
+                None => swept.skipped += 1,
+                Some((line, refused)) => {
+                    append(path, &line)?;
+                    swept.written += 1;
+                    swept.refused += usize::from(refused);
+                }
             }
-            let key = format!("{:?} {}", base.size, truth_settings(&asked.settings));
-            let of_row = match last.take().filter(|(known, _)| *known == key) {
-                Some(found) => found,
-                None => {
-                    let mut all = Vec::new();
-                    for moment in &judge_options.moments {
-                        base.go_to(moment.time_s)?;
-                        all.push(truths.of((&base, &asked.settings), moment.time_s, tell)?);
-                    }
-                    (key, all)
-                }
-            };
-            let technique = Technique {
-                label: text.clone(),
-                asked: text.clone(),
-                method: Method::Frames(Box::new(asked.settings.clone())),
-            };
-            let judged =
-                judge(&mut base, (&technique, &asked.settings), &of_row.1, &judge_options, &mut |_, _, _| {
-                    Ok(())
-                });
-            let row = match judged {
-                Ok(judged) => {
-                    let floor = of_row.1.first().and_then(|truth| truth.floor(judge_options.mask.as_ref()));
-                    let columns = Columns::new(&text, &base, &judge_options, &judged, floor);
-                    Row { id: &id, vary: by_name(&combination.values), columns: Some(columns), refused: None }
-                }
-                Err(error) if error.is_usage() => {
-                    swept.refused += 1;
-                    let refused = Some(error.to_string());
-                    Row { id: &id, vary: by_name(&combination.values), columns: None, refused }
-                }
-                Err(error) => return Err(error.of(text)),
-            };
-            append(path, &serde_json::to_string(&row)?)?;
-            swept.written += 1;
-            last = Some(of_row);
             progress.inc(1);
         }
     }
     progress.finish_and_clear();
     Ok(swept)
+}
+
+/// A scene that is open, and its truths.
+struct OfScene {
+    session: Session,
+    size: [u32; 2],
+    truths: Truths,
+    // Of the last row, by what it depends on: neighbouring rows have the same.
+    last: Option<(String, Vec<Truth>)>,
+}
+
+impl OfScene {
+    fn new(session: Session, options: &SweepOptions) -> Self {
+        let truths = Truths::new(&session, options.truth.clone());
+        Self { size: session.size, session, truths, last: None }
+    }
+
+    /// A row as a line of JSON, and whether it was refused; `None` if it is known.
+    fn row(
+        &mut self,
+        (options, known): (&SweepOptions, &BTreeSet<String>),
+        values: &[(String, String)],
+        tell: Tell<'_>,
+    ) -> Result<Option<(String, bool)>, Error> {
+        let text = words(values);
+        let asked = asked(&options.base, values)?;
+        self.session.size = asked.size.unwrap_or(self.size);
+        let judge_options =
+            JudgeOptions { samples: asked.samples.or(options.judge.samples), ..options.judge.clone() };
+        let id = id(&self.session, &asked, (&text, options, &judge_options));
+        if known.contains(&id) {
+            return Ok(None);
+        }
+        let truths = self.truths_of(&asked.settings, &judge_options, tell)?;
+        let method = Method::Frames(Box::new(asked.settings.clone()));
+        let technique = Technique { label: text.clone(), asked: text.clone(), method };
+        let by = (&technique, &asked.settings);
+        let judged = judge(&mut self.session, by, &truths, &judge_options, &mut |_, _, _| Ok(()));
+        let floor = truths.first().and_then(|truth| truth.floor(judge_options.mask.as_ref()));
+        self.last = self.last.take().map(|(key, _)| (key, truths));
+        let (columns, refused) = match judged {
+            Ok(judged) => (Some(Columns::new(&text, &self.session, &judge_options, &judged, floor)), None),
+            Err(error) if error.is_usage() => (None, Some(error.to_string())),
+            Err(error) => return Err(error),
+        };
+        let is_refused = refused.is_some();
+        let row = Row { id: &id, vary: by_name(values), columns, refused };
+        Ok(Some((serde_json::to_string(&row)?, is_refused)))
+    }
+
+    /// The truths of all moments, those of the last row if they are the same.
+    fn truths_of(
+        &mut self,
+        settings: &Settings,
+        options: &JudgeOptions,
+        tell: Tell<'_>,
+    ) -> Result<Vec<Truth>, Error> {
+        let key = format!("{:?} {}", self.session.size, truth_settings(settings));
+        if let Some((_, truths)) = self.last.take().filter(|(known, _)| *known == key) {
+            self.last = Some((key, Vec::new()));
+            return Ok(truths);
+        }
+        let mut all = Vec::new();
+        for moment in &options.moments {
+            self.session.go_to(moment.time_s)?;
+            all.push(self.truths.of((&self.session, settings), moment.time_s, tell)?);
+        }
+        self.last = Some((key, Vec::new()));
+        Ok(all)
+    }
 }
 
 /// All combinations, scene by scene, the last key the fastest.

@@ -16,7 +16,6 @@ pub struct Spread {
 
 /// A time along a path: what is usual, and how bad it gets.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[expect(clippy::struct_field_names, reason = "units are suffixes")]
 pub struct Tail {
     /// Milliseconds.
     pub median_ms: f64,

@@ -49,7 +49,6 @@ impl Row {
 
 /// What a combination costs.
 #[derive(Clone, Debug, Serialize)]
-#[expect(clippy::struct_field_names, reason = "units are suffixes")]
 pub struct Cost {
     /// The combination.
     pub name: String,
