@@ -471,7 +471,8 @@ pub struct SweepArgs {
     /// Scenes: files, or builtin:NAME
     #[arg(value_name = "SCENE", required = true)]
     pub scenes: Vec<String>,
-    /// A key and the values that it is to have; may be given many times, the last one varies fastest
+    /// A key and the values that it is to have, parted by semicolons where they have commas; may be given many times, the last
+    /// one varies fastest
     #[arg(long, value_name = "KEY=V1,V2,…", required = true)]
     pub vary: Vec<Vary>,
     /// This run's rows: every N-th from the I-th on, I from 1 to N

@@ -134,7 +134,7 @@ impl FromStr for Setting {
     }
 }
 
-/// A key and the values that it is to have, written `key=v1,v2`.
+/// A key and the values that it is to have, written `key=v1,v2`, or `key=v1;v2` of values with commas.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Vary(pub chiaro_lab::Vary);
 
@@ -143,9 +143,11 @@ impl FromStr for Vary {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let Setting { key, value } = text.parse()?;
-        let values: Vec<_> = value.split(',').map(|value| value.trim().to_owned()).collect();
+        // Values may be lists themselves.
+        let separator = if value.contains(';') { ';' } else { ',' };
+        let values: Vec<_> = value.split(separator).map(|value| value.trim().to_owned()).collect();
         if values.iter().any(String::is_empty) {
-            return Err("a value is missing between commas; write KEY=V1,V2".to_owned());
+            return Err("a value is missing; write KEY=V1,V2, or KEY=V1;V2 of values with commas".to_owned());
         }
         Ok(Self(chiaro_lab::Vary { key, values }))
     }
@@ -331,6 +333,8 @@ mod tests {
             (vary.key.as_str(), vary.values),
             ("shadow.filter", vec!["pcf".to_owned(), "pcss".to_owned()])
         );
+        let Vary(lists) = "shadow.splits=5,20;10,40".parse().unwrap();
+        assert_eq!(lists.values, ["5,20", "10,40"]);
         assert!("shadow.filter=".parse::<Vary>().is_err() && "a=1,,2".parse::<Vary>().is_err());
         assert_eq!("2/3".parse(), Ok(ShardArg(chiaro_lab::Shard { index: 2, of: 3 })));
         for wrong in ["0/3", "4/3", "2", "a/b", "1/0", "-1/2", "1/2/3"] {

@@ -96,6 +96,11 @@ pub fn compare(
     tell: Tell<'_>,
 ) -> Result<Report, Error> {
     create_folder(folder)?;
+    // What cannot be rendered is told before anything is traced.
+    for (technique, settings) in techniques.iter().filter_map(|t| Some((t, t.settings()?))) {
+        let plan = session.renderer.plan(settings.clone(), session.scene.gpu.facts);
+        plan.map_err(|error| Error::from(error).of(format!("technique {}", technique.label)))?;
+    }
     let truths = truths(session, base, source, &options.moments, tell)?;
     let mask = options.mask.as_ref();
     let Some(first) = truths.first() else {
@@ -116,7 +121,21 @@ pub fn compare(
         write_picture(&picture_path(folder, "truth", *moment), &truth.image, exposure)?;
     }
     let progress = bar(techniques.len() as u64, "comparing {bar:40} {pos}/{len} {msg}");
-    let (mut rows, mut columns) = (Vec::new(), Vec::new());
+    let mut report = Report {
+        chiaro: env!("CARGO_PKG_VERSION"),
+        machine: Machine::of(&session.gpu),
+        scene: session.scene_name.clone(),
+        fingerprint: format!("{:016x}", session.source.fingerprint()),
+        size: session.size,
+        part: options.part,
+        seeds: options.seeds,
+        frames: options.moments.len(),
+        truth: source.words(),
+        truth_samples: truths.iter().filter_map(|truth| truth.samples).min(),
+        floor,
+        rows: Vec::new(),
+        columns: Vec::new(),
+    };
     for technique in techniques {
         progress.set_message(technique.label.clone());
         let name = technique.file_name();
@@ -130,9 +149,9 @@ pub fn compare(
         for note in session.notes() {
             tell(&format!("warning: {}: {note}", technique.label));
         }
-        columns.push(Columns::new(&technique.label, session, options, &judged, floor));
+        report.columns.push(Columns::new(&technique.label, session, options, &judged, floor));
         let Judged { figures, cost, samples } = judged;
-        rows.push(Row {
+        report.rows.push(Row {
             technique: technique.label.clone(),
             asked: technique.asked.clone(),
             settings: technique.settings().map(by_key),
@@ -140,26 +159,11 @@ pub fn compare(
             figures,
             cost,
         });
+        // Whoever stops it keeps what was measured.
+        report.write(folder)?;
         progress.inc(1);
     }
     progress.finish_and_clear();
-    let report = Report {
-        chiaro: env!("CARGO_PKG_VERSION"),
-        machine: Machine::of(&session.gpu),
-        scene: session.scene_name.clone(),
-        fingerprint: format!("{:016x}", session.source.fingerprint()),
-        size: session.size,
-        part: options.part,
-        seeds: options.seeds,
-        frames: options.moments.len(),
-        truth: source.words(),
-        truth_samples: truths.iter().filter_map(|truth| truth.samples).min(),
-        floor,
-        rows,
-        columns,
-    };
-    write_json(&folder.join("results.json"), &report)?;
-    write_text(&folder.join("results.csv"), &report.csv()?)?;
     Ok(report)
 }
 
@@ -230,6 +234,11 @@ fn write_picture(path: &Path, image: &Image, exposure: f64) -> Result<(), Error>
 }
 
 impl Report {
+    fn write(&self, folder: &Path) -> Result<(), Error> {
+        write_json(&folder.join("results.json"), self)?;
+        write_text(&folder.join("results.csv"), &self.csv()?)
+    }
+
     /// A line for each technique.
     ///
     /// # Errors

@@ -77,13 +77,20 @@ impl Technique {
         if label.trim().is_empty() {
             return Err(Error::Usage(format!("--technique {text}: a label stands before the colon")));
         }
+        let mut pairs: Vec<(&str, String)> = Vec::new();
         for change in changes.split(',').filter(|change| !change.trim().is_empty()) {
-            let Some((key, value)) = change.split_once('=') else {
-                let problem = format!("`{}` is not KEY=VALUE", change.trim());
-                return Err(Error::Usage(format!("--technique {text}: {problem}")));
-            };
-            set(&mut settings, key.trim(), value.trim())
-                .map_err(|error| error.of(format!("--technique {label}")))?;
+            match (change.split_once('='), pairs.last_mut()) {
+                (Some((key, value)), _) => pairs.push((key.trim(), value.trim().to_owned())),
+                // A value that is a list itself.
+                (None, Some((_, value))) => *value = format!("{value},{}", change.trim()),
+                (None, None) => {
+                    let problem = format!("`{}` is not KEY=VALUE", change.trim());
+                    return Err(Error::Usage(format!("--technique {text}: {problem}")));
+                }
+            }
+        }
+        for (key, value) in pairs {
+            set(&mut settings, key, &value).map_err(|error| error.of(format!("--technique {label}")))?;
         }
         Ok(named(label.trim(), Method::Frames(Box::new(settings))))
     }
@@ -164,6 +171,9 @@ mod tests {
         let value = |technique: &Technique, key: &str| technique.settings().unwrap().get(key).unwrap();
         assert_eq!(value(&soft, "shadow.filter"), "pcss");
         assert_eq!(value(&soft, "indirect.technique"), "none");
+        let split = parse("split:shadow.splits=5,20,60,shadow.cascades=4").unwrap();
+        assert_eq!(value(&split, "shadow.cascades"), "4");
+        assert!(value(&split, "shadow.splits").contains("20"));
         let paths = |budget_ms, filtered| Method::Paths { budget_ms, filtered };
         assert_eq!(parse("paths:2.5").unwrap().method, paths(2.5, true));
         assert_eq!(parse("paths:8:raw").unwrap().method, paths(8.0, false));
