@@ -4,14 +4,15 @@ use chiaro::scene::Scene;
 use chiaro::{Aov, Gpu, LoadedScene, Renderer, Settings, StillOptions, View};
 use chiaro_image::{CompareOptions, Comparison, Image, Picture};
 
-/// Settings for direct light alone, with single settings changed.
+/// Settings for the light of lamps alone under a black sky, as the reference images have it, with single settings changed.
 ///
 /// # Panics
 /// When a key or value is wrong.
 pub fn direct(changes: &[(&str, &str)]) -> Settings {
     let mut settings = Settings::default();
     let preset = settings.apply_preset("direct", None);
-    let changed = preset.and_then(|()| changes.iter().try_for_each(|(key, value)| settings.set(key, value)));
+    let mut all = [("environment.sky", "none")].into_iter().chain(changes.iter().copied());
+    let changed = preset.and_then(|()| all.try_for_each(|(key, value)| settings.set(key, value)));
     if let Err(error) = changed {
         panic!("{error}");
     }
