@@ -106,6 +106,32 @@ impl Studio {
         images
     }
 
+    /// The mean radiance, as [`Studio::radiance`] has it, and its parts: direct and indirect light, and caustics. `moving`: of
+    /// a single sample, averaged over time.
+    ///
+    /// # Panics
+    /// When the device fails.
+    pub fn parts(
+        &mut self,
+        scene: &LoadedScene,
+        view: &View,
+        size: [u32; 2],
+        (samples, moving): (u32, bool),
+    ) -> (Image, [Image; 3]) {
+        let aovs = vec![Aov::Direct, Aov::Indirect, Aov::Caustics];
+        let options = StillOptions { size, samples, aovs, moving, ..StillOptions::default() };
+        let still = need(self.renderer.still(scene, view, &options));
+        let mut sum = need(still.radiance.wait(&self.gpu));
+        if let Some(unlit) = still.unlit {
+            sum.add_floats(&need(unlit.wait(&self.gpu)));
+        }
+        let read = |(_, readback): (Aov, chiaro::Readback)| image(&need(readback.wait(&self.gpu)), samples);
+        let Ok(parts) = still.aovs.into_iter().map(read).collect::<Vec<_>>().try_into() else {
+            panic!("not all parts came back")
+        };
+        (image(&sum, samples), parts)
+    }
+
     /// The tone-mapped picture.
     ///
     /// # Panics

@@ -142,11 +142,8 @@ pub fn draw(
 ) -> Drawn {
     let passes = &engine.passes;
     let found = match shown.source {
-        Source::Quantity(aov) => {
-            quantity(frame, (engine, state), stage, outputs, (aov, &mut *sum)).map(|()| {
-                (Handle::Texture(sum.texture().clone()), aov.hint(), aov.hint().about.to_owned())
-            })
-        }
+        Source::Quantity(aov) => quantity(frame, (engine, state), stage, outputs, (aov, &mut *sum))
+            .map(|()| (Handle::Texture(sum.texture().clone()), aov.hint(), aov.hint().about.to_owned())),
         Source::Resource(name) => frame.resources().find(|resource| resource.name == name).map(|resource| {
             let hint = resource.hint();
             let about = format!("{} ({resource})", hint.about);

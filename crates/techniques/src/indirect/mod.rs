@@ -128,9 +128,8 @@ mod tests {
 
     #[test]
     fn an_environment_bounces_only_inside() {
-        let with = |share| {
-            ambient(&IndirectSettings::default(), &[], BOUNDS, share, Some((Vec3::ONE, share)))
-        };
+        let with =
+            |share| ambient(&IndirectSettings::default(), &[], BOUNDS, share, Some((Vec3::ONE, share)));
         assert_eq!(with(1.0), [Vec4::ZERO; 3]);
         let inside = towards(&with(0.1), Vec3::Y);
         assert!(inside > 0.0 && inside < 0.1, "{inside}");

@@ -142,9 +142,11 @@ impl Aov {
         use Mapping::{Color, Distance, Exposed, Heat, Signed};
         use Scale::{By, OfScene};
         let (about, mapping, scale) = match self {
-            Self::Direct => {
-                ("What glows or is background, and light that reaches its first surface straight", Exposed, By(1.0))
-            }
+            Self::Direct => (
+                "What glows or is background, and light that reaches its first surface straight",
+                Exposed,
+                By(1.0),
+            ),
             Self::Indirect => ("Light that was scattered before, or what stands in for it", Exposed, By(1.0)),
             Self::Caustics => ("Light through mirrors and smooth glass alone", Exposed, By(1.0)),
             Self::Albedo => ("Base colour", Color, By(1.0)),

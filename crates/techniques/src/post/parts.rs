@@ -43,7 +43,9 @@ impl Parts {
                 caustics.map(|caustics| (caustics, -nits)),
             ],
             // Without a technique black, of whatever texture.
-            Aov::Caustics => [Some(caustics.map_or((&self.picture, 0.0), |caustics| (caustics, nits))), None, None],
+            Aov::Caustics => {
+                [Some(caustics.map_or((&self.picture, 0.0), |caustics| (caustics, nits))), None, None]
+            }
             _ => panic!("post: {} is no part of light", part.name()),
         };
         for (texture, nits) in terms.into_iter().flatten() {
