@@ -283,7 +283,8 @@ pub struct RenderArgs {
     /// The moments
     #[command(flatten)]
     pub time: TimeArgs,
-    /// Also write a part of the frame (direct, indirect, normal, depth, …) to STEM.NAME.exr, or any texture or buffer of it
+    /// Also write a part of the light (direct, indirect, caustics; of frames smoothed over time the newest one's) or another
+    /// quantity of the frame (normal, depth, …) to STEM.NAME.exr, or any texture or buffer of it
     /// (shadow/shadow_maps, …) to STEM.shadow.shadow_maps.exr, a file for each layer, in its own size and as the last sample
     /// left it; may be given many times. `list` prints all names that these settings have
     #[arg(long = "aov", value_name = "NAME")]

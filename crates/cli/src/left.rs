@@ -32,7 +32,7 @@ pub fn names(asked: &[String]) -> anyhow::Result<(Vec<Aov>, Vec<String>)> {
 pub fn warn_of_black(aovs: &[Aov], settings: &Settings) {
     for aov in aovs {
         if let Some(only) = settings.blackens(*aov) {
-            eprintln!("warning: --aov {} is black here: there are shadow maps {only}", aov.name());
+            eprintln!("warning: --aov {} is black here: there is something to see {only}", aov.name());
         }
     }
 }

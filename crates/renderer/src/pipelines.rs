@@ -3,7 +3,7 @@
 use chiaro_gpu::{Buffer, Frame, Texture, wgpu};
 use chiaro_techniques::direct::LightRoom;
 use chiaro_techniques::frame::{FrameData, FrameGroup};
-use chiaro_techniques::post::AntialiasRoom;
+use chiaro_techniques::post::{AntialiasRoom, Parts};
 use chiaro_techniques::shadow::{
     ShadowInputs, ShadowOutputs, ShadowPlan, ShadowRoom, ShadowSettings, ShadowViews,
 };
@@ -24,6 +24,8 @@ pub struct FrameOutputs {
     /// Rgba16Float, what unlit materials add to the picture once it is exposed: 1 is the display's white. Only for scenes
     /// that have such materials.
     pub unlit: Option<Texture>,
+    /// The frame's light taken apart, where [`ViewState::take_apart`](crate::ViewState::take_apart) asked for it.
+    pub parts: Option<Parts>,
     /// Shadow maps.
     pub shadows: ShadowOutputs,
     /// Lights per froxel.
@@ -41,32 +43,55 @@ pub(crate) struct FrameInputs<'a> {
     pub group: &'a FrameGroup,
     pub shadow_views: &'a ShadowViews,
     pub shadow_plan: &'a ShadowPlan,
-    /// Stored units; `None` = the environment.
-    pub sky: Option<wgpu::Color>,
     pub wants_surface: bool,
     pub moves: Option<&'a Moves>,
-    /// The frame, and the same without light.
-    pub data: [FrameData; 2],
+    pub data: FrameData,
 }
 
 /// The camera's number in the table of views; shadow views follow.
 const CAMERA: u32 = 0;
 
-/// Records what `shade` does to one target under the frame's light, and to another for the colour of unlit materials.
-fn shade_both(
+/// What shading leaves.
+struct Shaded {
+    radiance: Texture,
+    unlit: Option<Texture>,
+    parts: Option<Parts>,
+}
+
+/// Records what `shade` does to one target under the frame's light, to another for the colour of unlit materials, and to one
+/// for each part of the light that the frame is asked for: the same surfaces with other weights.
+///
+/// This is the one place where the parts are told from each other. There are no caustics so far; a technique that adds some
+/// to `Lit` in `direct/lighting.wesl` has a target of its own here, under their weight alone.
+fn shade_all(
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
     room: &LightRoom,
-    mut shade: impl FnMut(&mut Frame<'_>, &Texture, bool),
-) -> (Texture, Option<Texture>) {
-    let [light, dark] = &inputs.data;
-    shade(frame, &room.radiance, false);
-    if let Some(unlit) = &room.unlit {
-        frame.upload(&inputs.group.frame, &[*dark]);
-        shade(frame, unlit, true);
-        frame.upload(&inputs.group.frame, &[*light]);
+    mut shade: impl FnMut(&mut Frame<'_>, &Texture, Option<wgpu::Color>),
+) -> Shaded {
+    let light = inputs.data;
+    let unlit = room.unlit.as_ref().map(|target| (target, light.without_light(light.show_direct)));
+    let direct = room.direct.as_ref().map(|target| (target, light.direct_only()));
+    shade(frame, &room.radiance, sky(&light));
+    for (target, data) in [unlit, direct].into_iter().flatten() {
+        frame.upload(&inputs.group.frame, &[data]);
+        shade(frame, target, sky(&data));
+        frame.upload(&inputs.group.frame, &[light]);
     }
-    (room.radiance.clone(), room.unlit.clone())
+    let (radiance, unlit) = (room.radiance.clone(), room.unlit.clone());
+    let parts = room.direct.clone().map(|direct| {
+        let (picture, unlit) = (radiance.clone(), unlit.clone());
+        Parts { picture, direct, caustics: None, unlit }
+    });
+    Shaded { radiance, unlit, parts }
+}
+
+/// What is behind everything, in stored units; `None` = the environment.
+fn sky(data: &FrameData) -> Option<wgpu::Color> {
+    data.stored_sky().map(|stored| {
+        let [r, g, b] = stored.map(f64::from);
+        wgpu::Color { r, g, b, a: 0.0 }
+    })
 }
 
 pub(crate) fn record(
@@ -144,7 +169,7 @@ fn deferred(
     let surface = passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface);
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
     let light = (&shadows, &light_grid);
-    let (radiance, unlit) = shade_both(frame, inputs, rooms.light, |frame, radiance, _| {
+    let Shaded { radiance, unlit, parts } = shade_all(frame, inputs, rooms.light, |frame, radiance, _| {
         passes.direct.record_deferred(frame, (group, scene), &surface, light, radiance);
         if let (Some(transparency), Some(layers)) = (&*passes.transparency, rooms.layers) {
             let picture = (radiance, layers);
@@ -152,7 +177,7 @@ fn deferred(
         }
     });
     let surface = Some(surface);
-    (lists, FrameOutputs { radiance, unlit, shadows, light_grid, motion: None, surface })
+    (lists, FrameOutputs { radiance, unlit, parts, shadows, light_grid, motion: None, surface })
 }
 
 fn forward(
@@ -180,8 +205,7 @@ fn forward(
         .then(|| passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface));
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
     let light = (&shadows, &light_grid);
-    let (radiance, unlit) = shade_both(frame, inputs, rooms.light, |frame, radiance, dark| {
-        let sky = if dark { Some(wgpu::Color::TRANSPARENT) } else { inputs.sky };
+    let Shaded { radiance, unlit, parts } = shade_all(frame, inputs, rooms.light, |frame, radiance, sky| {
         let lists = (&lists, rooms.light);
         passes.direct.record_forward(frame, (group, scene), lists, light, sky, radiance);
         if let (Some(transparency), Some(layers), Some(depth)) = (&*passes.transparency, rooms.layers, &depth)
@@ -189,7 +213,7 @@ fn forward(
             transparency.record(frame, (group, scene), camera, light, depth, (radiance, layers));
         }
     });
-    (lists, FrameOutputs { radiance, unlit, shadows, light_grid, motion: None, surface })
+    (lists, FrameOutputs { radiance, unlit, parts, shadows, light_grid, motion: None, surface })
 }
 
 /// Lets geometry, and the trees over it, follow the scene's pose.

@@ -1,11 +1,12 @@
 //! The renderer: passes for the current settings, and what a frame needs to be prepared.
 
 use chiaro_gpu::shader::Library;
-use chiaro_gpu::{Frame, Gpu, GroupLayout, TexturePool, wgpu};
+use chiaro_gpu::{Frame, Gpu, GroupLayout, TexturePool};
 use chiaro_scene::Scene;
 use chiaro_techniques::direct::Permutations;
+use chiaro_techniques::environment::{arriving, sky, sky_light};
 use chiaro_techniques::frame::{FrameData, LightData};
-use chiaro_techniques::indirect::{Ambient, SkyView, ambient};
+use chiaro_techniques::indirect::{SkyView, ambient};
 use chiaro_techniques::light::grid_size;
 use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::shadow::{CameraView, FitInputs, ShadowPlan, ShadowViews, fit};
@@ -56,8 +57,6 @@ pub struct Prepared<'a> {
     shadow_views: ShadowViews,
     shadow_plan: ShadowPlan,
     lights: Vec<LightData>,
-    // Stored units; `None` = the environment.
-    sky: Option<wgpu::Color>,
     // Of a moving picture.
     moves: Option<Moves>,
 }
@@ -271,13 +270,15 @@ impl Renderer {
         let map = scene.environment.as_ref();
         let factor = settings.environment.intensity;
         let turn = settings.environment.rotation.to_radians();
-        let mean = map.map(|map| map.harmonics.mean * factor);
-        let Ambient { radiance: around, sky, environment: share } =
-            ambient(&settings.indirect, &lights, around_eye, sky_view, mean);
-        let [show_direct, show_indirect] = settings.camera.show.weights();
-        // Behind everything is a light's own radiance.
-        let sky = sky * show_direct;
-        let diffuse = map.map_or([Mat4::ZERO; 3], |map| map.harmonics.turned(turn, factor * share));
+        let share = map.map_or(0.0, |_| arriving(sky_view.share));
+        let mean = map.map(|map| (map.harmonics.mean * factor, share));
+        let around = ambient(&settings.indirect, &lights, around_eye, sky_view.share, mean);
+        let sky = sky(&settings.environment, &lights, map.is_some());
+        let afar = match map {
+            Some(map) => map.harmonics.turned(turn, factor * share),
+            None => sky_light(sky, sky_view.share, sky_view.direction),
+        };
+        let [show_direct, show_indirect, show_caustics] = settings.camera.show.weights();
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
@@ -291,24 +292,25 @@ impl Renderer {
             grid,
             grid_slices: slices(view, around_eye, grid[2]),
             lighting_model: settings.surface.lighting as u32,
-            show_unlit: 0.0,
+            normal_maps: u32::from(settings.surface.normal_maps),
             ambient: around.map(|channel| channel.to_array()),
-            environment: diffuse.map(|channel| channel.to_cols_array_2d()),
+            environment: afar.map(|channel| channel.to_cols_array_2d()),
             sky: sky.to_array(),
             radiance_scale: scene.radiance_scale,
-            normal_maps: u32::from(settings.surface.normal_maps),
+            environment_diffuse: f32::from(u8::from(settings.indirect.technique.lights_by_all())),
             anisotropy: settings.surface.anisotropy,
             environment_nits: map.map_or(0.0, |map| map.nits * factor),
             environment_share: share,
             environment_turn: [turn.cos(), turn.sin()],
+            reserved: [0.0; 2],
             show_direct,
             show_indirect,
+            show_caustics,
+            show_unlit: 0.0,
             shadow: settings.shadow.parameters(),
         };
         let eye =
             if view.is_orthographic() { view.forward_ws().extend(0.0) } else { view.eye_ws().extend(1.0) };
-        let stored = (sky * scene.radiance_scale).min(Vec3::splat(65000.0)).as_dvec3();
-        let sky = map.is_none().then_some(wgpu::Color { r: stored.x, g: stored.y, b: stored.z, a: 0.0 });
         let environment = map.map(|map| &map.texture);
         state.frame_group.reserve(gpu, lights.len(), environment);
         let rooms = &mut state.rooms;
@@ -326,7 +328,8 @@ impl Renderer {
         let serves = |room: &ListRoom| room.serves(&scene.gpu, together);
         chiaro_gpu::keep(&mut rooms.lists, serves, || ListRoom::new(gpu, &scene.gpu, together));
         passes.surfaces.room(gpu, &self.pool, size_px, &mut rooms.surface);
-        passes.direct.room(gpu, &self.pool, (size_px, grid), scene.gpu.unlit, &mut rooms.light);
+        let targets = (scene.gpu.unlit, state.wants_parts);
+        passes.direct.room(gpu, &self.pool, (size_px, grid), targets, &mut rooms.light);
         match passes.transparency.as_ref().filter(|_| scene.gpu.see_through()) {
             Some(transparency) => {
                 transparency.room(gpu, &self.pool, size_px, settings.surface.layers, &mut rooms.layers);
@@ -339,14 +342,14 @@ impl Renderer {
         if let Some(antialias) = passes.antialias.as_ref().filter(|_| smooths) {
             antialias.room(gpu, &self.pool, (size_px, scene.gpu.unlit), &mut rooms.antialias);
         }
-        Ok(Prepared { renderer: self, state, scene, data, shadow_views, shadow_plan, lights, sky, moves })
+        Ok(Prepared { renderer: self, state, scene, data, shadow_views, shadow_plan, lights, moves })
     }
 }
 
 impl Prepared<'_> {
     /// Records the frame. `wants_surface`: make the surface buffer even where the pipeline does without.
     pub fn record(self, frame: &mut Frame<'_>, wants_surface: bool) -> FrameOutputs {
-        let Self { renderer, state, scene, data, shadow_views, shadow_plan, lights, sky, moves } = self;
+        let Self { renderer, state, scene, data, shadow_views, shadow_plan, lights, moves } = self;
         let views: Vec<_> = shadow_views.views.iter().map(|view| view.data).collect();
         state.frame_group.upload(frame, &data, &lights, &views);
         state.rooms.views.upload(frame);
@@ -355,10 +358,9 @@ impl Prepared<'_> {
             group: &state.frame_group,
             shadow_views: &shadow_views,
             shadow_plan: &shadow_plan,
-            sky,
             wants_surface,
             moves: moves.as_ref(),
-            data: [data, data.without_light(data.show_direct)],
+            data,
         };
         let outputs = record(&renderer.resolved, &renderer.passes, frame, &inputs, &mut state.rooms);
         if let Some(moves) = moves {

@@ -107,7 +107,7 @@ const PRESETS: [(&str, &str, &[(&str, &str)]); 4] = [
     ("default", "what chiaro thinks looks right", &[]),
     (
         "direct",
-        "direct light only, as references hold it",
+        "the light of lamps alone; sky and environment are seen, straight and in metals, but light nothing",
         &[("indirect.technique", "none"), ("caustics.technique", "none")],
     ),
     (

@@ -87,10 +87,12 @@ impl Renderer {
         check_size(&gpu, size)?;
         let samples = options.samples.max(1);
         let jitter = Jitter::new(samples);
-        let wanted = (self.permutations(), options.aovs.len());
+        let looked_up = options.aovs.iter().filter(|aov| !aov.is_part());
+        let takes_apart = options.aovs.iter().any(|aov| aov.is_part());
+        let wanted = (self.permutations(), looked_up.count());
         let passes = StillPasses::new(self.still_passes.take(), self.kit(), wanted)?;
         let StillPasses { aovs: aov_pass, accumulator, display, .. } = &passes;
-        let aov_pass = aov_pass.as_ref().map(|(_, pass)| pass).filter(|_| !options.aovs.is_empty());
+        let aov_pass = aov_pass.as_ref().map(|(_, pass)| pass).filter(|_| wanted.1 > 0);
         let mut sum = Sum::new(&gpu, &self.pool, size);
         let mut unlit = scene.gpu.unlit.then(|| Sum::new(&gpu, &self.pool, size));
         let mut aov_sums: Vec<_> = options.aovs.iter().map(|_| Sum::new(&gpu, &self.pool, size)).collect();
@@ -103,6 +105,7 @@ impl Renderer {
         if !options.moving {
             state.history.seen.cut();
         }
+        state.take_apart(false);
         let mut left = Wanted::new(&options.left);
         let goes_on = options.moving && samples == 1;
         if options.aovs.contains(&Aov::Motion) && !goes_on {
@@ -113,6 +116,7 @@ impl Renderer {
             record_motion(&mut frame, (&options.aovs, aov_pass), &outputs, samples, &mut aov_sums);
             frame.submit();
         }
+        state.take_apart(takes_apart);
         for index in 0..samples {
             let sampling = if goes_on {
                 Sampling::Moving
@@ -128,12 +132,20 @@ impl Renderer {
                 frame.submit();
                 return Err(error);
             }
-            accumulator.record(&mut frame, &outputs.radiance, 1.0 / scene.radiance_scale, &mut sum);
+            let nits = 1.0 / scene.radiance_scale;
+            accumulator.record(&mut frame, &outputs.radiance, nits, &mut sum);
             if let (Some(color), Some(unlit)) = (&outputs.unlit, &mut unlit) {
                 accumulator.record(&mut frame, color, 1.0, unlit);
             }
+            let (parts, looked_up): (Vec<_>, Vec<_>) =
+                options.aovs.iter().zip(&mut aov_sums).partition(|(aov, _)| aov.is_part());
+            for (part, aov_sum) in parts {
+                if let Some(light) = &outputs.parts {
+                    light.add(&mut frame, accumulator, (*part, nits), aov_sum);
+                }
+            }
             if let (Some(pass), Some(surface)) = (aov_pass, &outputs.surface) {
-                let summed = options.aovs.iter().zip(&mut aov_sums).enumerate();
+                let summed = looked_up.into_iter().enumerate();
                 for (number, (aov, aov_sum)) in summed.filter(|(_, (aov, _))| **aov != Aov::Motion) {
                     let inputs = (surface, &outputs.shadows, &outputs.light_grid);
                     let groups = (state.frame_group(), &scene.gpu);

@@ -21,6 +21,7 @@ pub struct ViewState {
     pub(crate) rooms: Rooms,
     pub(crate) history: Histories,
     pub(crate) notes: Vec<String>,
+    pub(crate) wants_parts: bool,
 }
 
 /// What passes write into, made when sizes or passes change.
@@ -61,7 +62,14 @@ impl ViewState {
             },
             history: Histories::default(),
             notes: Vec::new(),
+            wants_parts: false,
         }
+    }
+
+    /// Whether frames prepared from now on leave their light taken apart, too, as
+    /// [`FrameOutputs::parts`](crate::FrameOutputs::parts): each is shaded once more for it.
+    pub fn take_apart(&mut self, wanted: bool) {
+        self.wants_parts = wanted;
     }
 
     /// Group 0, for passes of one's own.

@@ -4,14 +4,15 @@ use chiaro::scene::Scene;
 use chiaro::{Aov, Gpu, LoadedScene, Renderer, Settings, StillOptions, View};
 use chiaro_image::{CompareOptions, Comparison, Image, Picture};
 
-/// Settings for direct light alone, with single settings changed.
+/// Settings for the light of lamps alone under a black sky, as the reference images have it, with single settings changed.
 ///
 /// # Panics
 /// When a key or value is wrong.
 pub fn direct(changes: &[(&str, &str)]) -> Settings {
     let mut settings = Settings::default();
     let preset = settings.apply_preset("direct", None);
-    let changed = preset.and_then(|()| changes.iter().try_for_each(|(key, value)| settings.set(key, value)));
+    let mut all = [("environment.sky", "none")].into_iter().chain(changes.iter().copied());
+    let changed = preset.and_then(|()| all.try_for_each(|(key, value)| settings.set(key, value)));
     if let Err(error) = changed {
         panic!("{error}");
     }
@@ -103,6 +104,32 @@ impl Studio {
             .collect();
         let Ok(images) = images.try_into() else { panic!("not all of {aovs:?} came back") };
         images
+    }
+
+    /// The mean radiance, as [`Studio::radiance`] has it, and its parts: direct and indirect light, and caustics. `moving`: of
+    /// a single sample, averaged over time.
+    ///
+    /// # Panics
+    /// When the device fails.
+    pub fn parts(
+        &mut self,
+        scene: &LoadedScene,
+        view: &View,
+        size: [u32; 2],
+        (samples, moving): (u32, bool),
+    ) -> (Image, [Image; 3]) {
+        let aovs = vec![Aov::Direct, Aov::Indirect, Aov::Caustics];
+        let options = StillOptions { size, samples, aovs, moving, ..StillOptions::default() };
+        let still = need(self.renderer.still(scene, view, &options));
+        let mut sum = need(still.radiance.wait(&self.gpu));
+        if let Some(unlit) = still.unlit {
+            sum.add_floats(&need(unlit.wait(&self.gpu)));
+        }
+        let read = |(_, readback): (Aov, chiaro::Readback)| image(&need(readback.wait(&self.gpu)), samples);
+        let Ok(parts) = still.aovs.into_iter().map(read).collect::<Vec<_>>().try_into() else {
+            panic!("not all parts came back")
+        };
+        (image(&sum, samples), parts)
     }
 
     /// The tone-mapped picture.

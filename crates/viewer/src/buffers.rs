@@ -124,6 +124,13 @@ pub struct Drawn {
     pub about: String,
 }
 
+impl Source {
+    /// Whether it is made of the frame's light taken apart.
+    pub fn is_part(self) -> bool {
+        matches!(self, Self::Quantity(aov) if aov.is_part())
+    }
+}
+
 /// Draws a buffer of the frame that was just recorded. `sum` is scratch of the picture's size.
 pub fn draw(
     frame: &mut Frame<'_>,
@@ -134,20 +141,9 @@ pub fn draw(
     (sum, picture): (&mut Sum, &Texture),
 ) -> Drawn {
     let passes = &engine.passes;
-    let group = state.frame_group();
     let found = match shown.source {
-        Source::Quantity(aov) => outputs.surface.as_ref().map(|surface| {
-            sum.restart();
-            match &outputs.motion {
-                Some(found) if aov == Aov::Motion => passes.aov.record_motion(frame, &found.motion, 1, sum),
-                // Of a picture that rests the shader leaves grey.
-                _ => {
-                    let inputs = (surface, &outputs.shadows, &outputs.light_grid);
-                    passes.aov.record(frame, (group, &stage.loaded.gpu), inputs, (0, aov), sum);
-                }
-            }
-            (Handle::Texture(sum.texture().clone()), aov.hint(), aov.hint().about.to_owned())
-        }),
+        Source::Quantity(aov) => quantity(frame, (engine, state), stage, outputs, (aov, &mut *sum))
+            .map(|()| (Handle::Texture(sum.texture().clone()), aov.hint(), aov.hint().about.to_owned())),
         Source::Resource(name) => frame.resources().find(|resource| resource.name == name).map(|resource| {
             let hint = resource.hint();
             let about = format!("{} ({resource})", hint.about);
@@ -164,7 +160,7 @@ pub fn draw(
     };
     passes.debug.record(
         frame,
-        group,
+        state.frame_group(),
         (&handle, shown.layer),
         (hint.mapping, scale),
         &passes.display,
@@ -175,4 +171,31 @@ pub fn draw(
         Handle::Buffer(_) => (1, picture.options()),
     };
     Drawn { layers, aspect: options.width as f32 / options.height as f32, exists: true, about }
+}
+
+/// Fills `sum` with a quantity of the frame; `None` where the frame has none of it.
+fn quantity(
+    frame: &mut Frame<'_>,
+    (engine, state): (&Engine, &ViewState),
+    stage: &Stage,
+    outputs: &FrameOutputs,
+    (aov, sum): (Aov, &mut Sum),
+) -> Option<()> {
+    let passes = &engine.passes;
+    sum.restart();
+    if aov.is_part() {
+        let nits = 1.0 / stage.loaded.radiance_scale;
+        outputs.parts.as_ref()?.add(frame, &passes.accumulator, (aov, nits), sum);
+        return Some(());
+    }
+    let surface = outputs.surface.as_ref()?;
+    match &outputs.motion {
+        Some(found) if aov == Aov::Motion => passes.aov.record_motion(frame, &found.motion, 1, sum),
+        // Of a picture that rests the shader leaves grey.
+        _ => {
+            let inputs = (surface, &outputs.shadows, &outputs.light_grid);
+            passes.aov.record(frame, (state.frame_group(), &stage.loaded.gpu), inputs, (0, aov), sum);
+        }
+    }
+    Some(())
 }

@@ -216,6 +216,7 @@ impl Picture {
         let options = picture.options();
         let size_px = [options.width, options.height];
         let state = self.state.get_or_insert_with(|| ViewState::new(renderer));
+        state.take_apart(shown.place != Place::Off && shown.source.is_part());
         let Ok(prepared) = renderer.prepare(state, &stage.loaded, view, size_px, sampling) else { return };
         let buffer = self.buffer.as_mut().filter(|_| shown.place != Place::Off);
         let outputs = prepared.record(frame, buffer.is_some());

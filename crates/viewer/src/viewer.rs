@@ -347,7 +347,7 @@ impl Viewer {
         let shown = self.panel.shown_buffer;
         let Buffer::Quantity(aov) = shown.source else { return None };
         let only = self.wanted.blackens(aov).filter(|_| shown.place != Place::Off)?;
-        Some(format!("Black here: there are shadow maps {only}."))
+        Some(format!("Black here: there is something to see {only}."))
     }
 
     /// Frames that the picture is the mean of.

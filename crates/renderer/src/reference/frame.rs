@@ -2,8 +2,9 @@
 
 use bytemuck::Zeroable;
 use chiaro_gpu::Gpu;
+use chiaro_techniques::environment;
 use chiaro_techniques::frame::{FIRST_LIGHT_BYTES, FrameData, FrameGroup, LightData};
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 
 use crate::{LoadedScene, Settings, View};
 
@@ -21,6 +22,11 @@ pub(super) fn write_frame(
     gpu.queue.write_buffer(group.lighting.raw(), FIRST_LIGHT_BYTES, bytemuck::cast_slice(&lights));
 }
 
+/// Radiance of the sky where there is no environment map, nits.
+pub(super) fn sky(loaded: &LoadedScene, settings: &Settings) -> Vec3 {
+    environment::sky(&settings.environment, loaded.lights(), loaded.environment.is_some())
+}
+
 fn frame_data(loaded: &LoadedScene, settings: &Settings, view: &View, size_px: [u32; 2]) -> FrameData {
     let turn = settings.environment.rotation.to_radians();
     let clip_from_ws = view.clip_from_ws(size_px, Vec2::ZERO).to_cols_array_2d();
@@ -36,14 +42,16 @@ fn frame_data(loaded: &LoadedScene, settings: &Settings, view: &View, size_px: [
         directional_lights: loaded.directional() as u32,
         local_lights: (loaded.lights().len() - loaded.directional()) as u32,
         lighting_model: settings.surface.lighting as u32,
-        radiance_scale: 1.0,
         normal_maps: u32::from(settings.surface.normal_maps),
+        sky: sky(loaded, settings).to_array(),
+        radiance_scale: 1.0,
         anisotropy: 1,
         environment_nits: nits,
         environment_share: 1.0,
         environment_turn: [turn.cos(), turn.sin()],
         show_direct: 1.0,
         show_indirect: 1.0,
+        show_caustics: 1.0,
         ..FrameData::zeroed()
     }
 }

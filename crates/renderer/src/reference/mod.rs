@@ -22,7 +22,7 @@ use glam::Vec3;
 pub use chiaro_techniques::reference::first_hit::FirstHit;
 pub use options::{Integrator, ReferenceOptions};
 
-use frame::write_frame;
+use frame::{sky, write_frame};
 
 use crate::loaded::WHITE_STORED;
 use crate::{Error, Kit, LoadedScene, Settings, View};
@@ -43,7 +43,7 @@ const LEAST_LANES: u32 = 1 << 10;
 /// An image being traced: the mean of samples that [`Reference::add`] adds.
 ///
 /// Of the settings those count that say what is there, not how it is drawn: `surface.lighting`, `surface.normal_maps`
-/// and `environment.*`. Where a scene has no environment, the surroundings are black.
+/// and `environment.*`: where a scene has no environment map, `environment.sky` says what surrounds it.
 #[derive(Debug)]
 pub struct Reference {
     kit: Kit,
@@ -161,7 +161,7 @@ impl Reference {
     /// where the size is another than before.
     ///
     /// # Errors
-    /// When the image's light paths do not fit the adapter.
+    /// When the image's light paths, or the table of all that shines, do not fit the adapter.
     pub fn restart(
         &mut self,
         loaded: &LoadedScene,
@@ -187,6 +187,7 @@ impl Reference {
         let environment = loaded.environment.as_ref().map(|map| &map.texture);
         self.frame_group.reserve(gpu, loaded.lights().len(), environment);
         write_frame(gpu, &self.frame_group, (loaded, settings), (view, size_px));
+        self.emitters.set_sky(gpu, sky(loaded, settings))?;
         if same_size {
             self.sum.resume(0);
         } else {

@@ -28,6 +28,7 @@ use crate::{Kit, Pass, shaders};
 const RADIANCE: ViewHint =
     ViewHint::scaled("The frame before averaging and tone mapping", Mapping::Exposed, Scale::Nits);
 const UNLIT: ViewHint = ViewHint::new("What unlit materials add: white is the display's", Mapping::Color);
+const DIRECT: ViewHint = ViewHint::scaled("The frame's direct light alone", Mapping::Exposed, Scale::Nits);
 
 /// What shaders are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,6 +77,8 @@ pub struct LightRoom {
     pub radiance: Texture,
     /// Rgba16Float, the colour of unlit materials, where there are any.
     pub unlit: Option<Texture>,
+    /// Rgba16Float, direct light alone, where parts of light are asked for.
+    pub direct: Option<Texture>,
     light_grid: Buffer,
     words: u64,
     // Of the forward pipeline: colour and depth.
@@ -147,14 +150,14 @@ impl Pass for DirectLight {
 }
 
 impl DirectLight {
-    /// Room for a picture size and a light grid, and where materials are unlit for their colour: what is there if it serves.
-    /// Not inside a frame.
+    /// Room for a picture size and a light grid; where materials are `unlit` for their colour, and where `parts` of the light
+    /// are asked for, for those. What is there if it serves. Not inside a frame.
     pub fn room<'r>(
         &self,
         gpu: &Gpu,
         pool: &TexturePool,
         (size, grid): ([u32; 2], [u32; 4]),
-        unlit: bool,
+        (unlit, parts): (bool, bool),
         room: &'r mut Option<LightRoom>,
     ) -> &'r LightRoom {
         let words = grid.iter().map(|&n| u64::from(n)).product();
@@ -164,6 +167,7 @@ impl DirectLight {
             let has_samples = room.multisampled.as_ref().map(|(color, _)| color.options().samples);
             [has.width, has.height] == size
                 && room.unlit.is_some() == unlit
+                && room.direct.is_some() == parts
                 && room.words >= words
                 && has_samples == samples
         };
@@ -178,6 +182,8 @@ impl DirectLight {
             LightRoom {
                 radiance: lend("radiance", TextureFormat::Rgba16Float, usage, 1).described(RADIANCE),
                 unlit: unlit.then(|| lend("unlit", TextureFormat::Rgba16Float, usage, 1).described(UNLIT)),
+                direct: parts
+                    .then(|| lend("direct_light", TextureFormat::Rgba16Float, usage, 1).described(DIRECT)),
                 light_grid: Buffer::new(gpu, "light_grid", Life::Frame, 4 * words, BufferUsages::STORAGE),
                 words,
                 multisampled: samples.map(|samples| {

@@ -1,4 +1,5 @@
-//! Environment maps: radiance from infinitely far as background and as light.
+//! Radiance from infinitely far as background and as light: environment maps, and the uniform [`sky()`] of scenes that have
+//! suns and no map.
 //!
 //! The diffuse part is the irradiance by second-order spherical harmonics (Ramamoorthi & Hanrahan 2001), summed over
 //! the map on the CPU. The specular part is the split sum (Karis 2013, "Real Shading in Unreal Engine 4"): a cube map
@@ -19,9 +20,11 @@
 
 mod harmonics;
 mod settings;
+mod sky;
 
 pub use harmonics::{Harmonics, harmonics};
-pub use settings::EnvironmentSettings;
+pub use settings::{EnvironmentSettings, Sky};
+pub use sky::{sky, sky_light};
 
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::{self, BufferUsages, TextureFormat, TextureUsages};
@@ -40,6 +43,13 @@ const SIDES: std::ops::RangeInclusive<u32> = 128..=2048;
 const LAST_SIDE: u32 = 8;
 /// What the brightest texel is stored as: half floats reach 65,504.
 const PEAK_STORED: f32 = 32_768.0;
+
+/// How much of an environment map's light arrives where the share `seen` of the upper half of all directions is sky: twice
+/// that, at most all. A wall or the ground before the eye hides half of the sky from it, but none from what faces away from
+/// the wall.
+pub fn arriving(seen: f32) -> f32 {
+    (2.0 * seen).min(1.0)
+}
 
 /// An environment on the GPU.
 #[derive(Clone, Debug)]

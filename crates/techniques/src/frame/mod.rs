@@ -21,18 +21,21 @@ pub struct FrameData {
     pub grid: [u32; 4],
     pub grid_slices: [f32; 2],
     pub lighting_model: u32,
-    pub show_unlit: f32,
+    pub normal_maps: u32,
     pub ambient: [[f32; 4]; 3],
     pub environment: [[[f32; 4]; 4]; 3],
     pub sky: [f32; 3],
     pub radiance_scale: f32,
-    pub normal_maps: u32,
+    pub environment_diffuse: f32,
     pub anisotropy: u32,
     pub environment_nits: f32,
     pub environment_share: f32,
     pub environment_turn: [f32; 2],
+    pub reserved: [f32; 2],
     pub show_direct: f32,
     pub show_indirect: f32,
+    pub show_caustics: f32,
+    pub show_unlit: f32,
     pub shadow: ShadowParameters,
 }
 
@@ -54,9 +57,22 @@ impl FrameData {
             environment_share: 0.0,
             show_direct: 0.0,
             show_indirect: 0.0,
+            show_caustics: 0.0,
             show_unlit: weight,
             ..*self
         }
+    }
+
+    /// The same view of direct light alone, as far as it is shown.
+    #[must_use]
+    pub fn direct_only(&self) -> Self {
+        Self { show_indirect: 0.0, show_caustics: 0.0, ..*self }
+    }
+
+    /// Radiance behind everything in stored units; `None` where that is an environment map.
+    pub fn stored_sky(&self) -> Option<[f32; 3]> {
+        let stored = |nits: f32| (nits * self.show_direct * self.radiance_scale).min(65_000.0);
+        (self.environment_nits <= 0.0).then(|| self.sky.map(stored))
     }
 }
 

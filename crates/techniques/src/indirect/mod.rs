@@ -1,5 +1,6 @@
-//! Indirect light. So far an estimate: [`Technique::Ambient`] stands in for what bounces, until imperfect shadow maps do
-//! it right. An environment map's own light is in [`crate::environment`]; here is how much of it arrives.
+//! Indirect light: what was scattered before it reaches the surface that is seen. So far an estimate:
+//! [`Technique::Ambient`] stands in for it, until imperfect shadow maps do it right. What the environment or the sky gives
+//! the first surface is direct light, and in [`crate::environment`]; the technique says whether it is taken for a source.
 
 mod openness;
 
@@ -16,9 +17,10 @@ choice! {
     /// Where indirect light comes from.
     pub enum Technique {
         /// A far environment as bright as the scene's lights would make a grey room of its size, brighter on the side
-        /// that they shine at, and under a sun the sky as the eye sees it.
+        /// that they shine at.
         Ambient = "ambient",
-        /// None: direct light only.
+        /// None: the light of lamps alone. Environment, sky and what glows are seen, straight and in what mirrors, but light
+        /// nothing.
         None = "none",
     }
 }
@@ -26,32 +28,29 @@ choice! {
 settings! {
     /// Indirect light.
     pub struct IndirectSettings: "indirect" {
-        /// Where indirect light comes from. none takes an environment map's light away too, and leaves it as background.
+        /// Where indirect light comes from. With none environment, sky and glowing meshes light nothing either: they are seen
+        /// as background and glow, and a stand-in for reflections shows the environment, or the sky's share that the eye
+        /// sees, in metals and gloss.
         technique: Technique = Technique::Ambient, "", (), Uniform;
     }
 }
 
 /// Mean albedo that the ambient estimate assumes.
 const MEAN_ALBEDO: f32 = 0.5;
-/// A clear sky's mean luminance per lux of sun, tinted as Rayleigh scattering does (about 8,000 nits at 100,000 lx).
-const SKY_PER_LUX: Vec3 = Vec3::new(0.058, 0.080, 0.115);
 /// Least share of a sun's light that gets into a building: openings may be smaller than voxels.
 const LEAST_OPEN: f32 = 0.08;
 /// A lamp stands within the room, so half of its light's first bounce comes from beside and behind it.
 const LAMP_AHEAD: f32 = 0.5;
 
-/// Irradiance over π that stands in for indirect light, and what is behind everything.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ambient {
-    /// For red, green and blue: gradient along the normal, then the mean; nits. Nowhere negative.
-    pub radiance: [Vec4; 3],
-    /// Radiance of the sky where nothing is in front of it, nits; black with an environment map.
-    pub sky: Vec3,
-    /// Share of an environment map's light that arrives.
-    pub environment: f32,
+impl Technique {
+    /// Whether the environment, the sky and glowing meshes are sources of light beside lamps.
+    pub fn lights_by_all(self) -> bool {
+        self != Self::None
+    }
 }
 
-/// The environment that stands in for indirect light, at the eye and taken for the whole scene.
+/// Irradiance over π that stands in for indirect light, at the eye and taken for the whole scene: for red, green and blue
+/// the gradient along the normal, then the mean; nits. Nowhere negative.
 ///
 /// In a sphere of area A and albedo ρ, of which a share V is open, a flux Φ makes a first bounce of mean radiance
 /// Φρ / (πA), and all further ones ρ(1 − V) / (1 − ρ(1 − V)) times as much (integrating sphere; Goebel 1967). The
@@ -59,61 +58,53 @@ pub struct Ambient {
 /// is exactly linear in the cosine between its axis and the normal. A bias by design: no occlusion, no colour
 /// bleeding, and the air is equally bright everywhere.
 ///
-/// `environment` is the mean radiance of an environment map in nits; it takes the analytic sky's place. Of its light
-/// arrives twice the share of the sky that the eye sees, at most all: a wall or the ground before the eye hides half
-/// of the sky from it, but none from what faces away from the wall. What bounces within the scene is added.
+/// `open` is the share of the sky that the eye sees; `environment` the mean radiance of an environment map in nits, and the
+/// share of it that arrives. Of the sky's own light only what arrives straight is taken, not what bounces.
 pub fn ambient(
     settings: &IndirectSettings,
     lights: &[LightData],
     bounds_ws: (Vec3, Vec3),
-    view: SkyView,
-    environment: Option<Vec3>,
-) -> Ambient {
+    open: f32,
+    environment: Option<(Vec3, f32)>,
+) -> [Vec4; 3] {
+    let mut radiance = [Vec4::ZERO; 3];
     if settings.technique == Technique::None {
-        return Ambient { radiance: [Vec4::ZERO; 3], sky: Vec3::ZERO, environment: 0.0 };
+        return radiance;
     }
     let size = bounds_ws.1 - bounds_ws.0;
     // Even a point or a line has a surface here.
     let size = if size == Vec3::ZERO { Vec3::ONE } else { size.max(Vec3::splat(1e-3 * size.max_element())) };
     let area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
-    let mut sun = Vec3::ZERO;
-    let mut radiance = [Vec4::ZERO; 3];
     let mut add = |color: Vec3, mean: f32, gradient: Vec3| {
         for (sum, nits) in radiance.iter_mut().zip(color.to_array()) {
             *sum += nits * gradient.extend(mean);
         }
     };
+    let again = |closed: f32| MEAN_ALBEDO * closed / (1.0 - MEAN_ALBEDO * closed);
     for light in lights {
         let intensity = Vec3::from(light.intensity);
         let (flux, ahead, closed) = if light.kind == LightData::DIRECTIONAL {
-            sun += intensity;
-            (0.25 * area * view.share.max(LEAST_OPEN), 1.0, 1.0 - view.share)
+            (0.25 * area * open.max(LEAST_OPEN), 1.0, 1.0 - open)
         } else {
             // A cone's mean direction is shorter the wider it is; a point's is none.
             let cosine = light.cone_rad.cos();
             (2.0 * PI * (1.0 - cosine), LAMP_AHEAD * 0.5 * (1.0 + cosine), 1.0)
         };
         let first = flux * MEAN_ALBEDO / (PI * area);
-        let again = MEAN_ALBEDO * closed / (1.0 - MEAN_ALBEDO * closed);
         // A surface that faces the way light travels sees the half that is lit.
-        add(intensity, first * (1.0 + again), first * ahead * Vec3::from(light.direction_ws));
+        add(intensity, first * (1.0 + again(closed)), first * ahead * Vec3::from(light.direction_ws));
     }
-    if let Some(mean) = environment {
-        let open = (2.0 * view.share).min(1.0);
-        let again = MEAN_ALBEDO * (1.0 - open) / (1.0 - MEAN_ALBEDO * (1.0 - open));
-        add(mean, open * again, Vec3::ZERO);
-        return Ambient { radiance, sky: Vec3::ZERO, environment: open };
+    if let Some((mean, arriving)) = environment {
+        add(mean, arriving * again(1.0 - arriving), Vec3::ZERO);
     }
-    let sky = sun.max(Vec3::ZERO).element_sum() / 3.0 * SKY_PER_LUX;
-    // The linear fit to what is seen of it; behind a narrow window it would dip below zero.
-    let mean = 0.5 * view.share;
-    add(sky, mean, view.direction.clamp_length_max(mean));
-    Ambient { radiance, sky, environment: 0.0 }
+    radiance
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const BOUNDS: (Vec3, Vec3) = (Vec3::ZERO, Vec3::splat(10.0));
 
     fn sun() -> LightData {
         LightData {
@@ -124,40 +115,31 @@ mod tests {
         }
     }
 
-    fn towards(ambient: &Ambient, normal: Vec3) -> f32 {
-        ambient.radiance[1].dot(normal.extend(1.0))
+    fn towards(radiance: &[Vec4; 3], normal: Vec3) -> f32 {
+        radiance[1].dot(normal.extend(1.0))
     }
 
     #[test]
-    fn under_an_open_sky_a_face_upwards_sees_just_the_sky_and_one_downwards_the_ground() {
-        let bounds = (Vec3::ZERO, Vec3::splat(10.0));
-        let a = ambient(&IndirectSettings::default(), &[sun()], bounds, SkyView::OPEN, None);
-        assert!((towards(&a, Vec3::Y) / a.sky.y - 1.0).abs() < 1e-3, "{a:?}");
-        assert!(towards(&a, Vec3::NEG_Y) > 0.0);
-        assert!((a.sky.y - 8000.0).abs() < 1.0);
+    fn under_an_open_sky_a_face_downwards_sees_the_lit_ground_and_one_upwards_nothing_of_it() {
+        let bounced = ambient(&IndirectSettings::default(), &[sun()], BOUNDS, 1.0, None);
+        assert!(towards(&bounced, Vec3::Y).abs() < 1e-2, "{bounced:?}");
+        assert!(towards(&bounced, Vec3::NEG_Y) > 1000.0, "{bounced:?}");
     }
 
     #[test]
-    fn an_environment_replaces_the_sky_and_is_dimmed_only_inside() {
-        let bounds = (Vec3::ZERO, Vec3::splat(10.0));
-        let settings = IndirectSettings::default();
+    fn an_environment_bounces_only_inside() {
         let with =
-            |share| ambient(&settings, &[], bounds, SkyView { share, ..SkyView::OPEN }, Some(Vec3::ONE));
-        for share in [1.0, 0.5] {
-            let a = with(share);
-            assert_eq!((a.environment, a.sky, towards(&a, Vec3::Y)), (1.0, Vec3::ZERO, 0.0));
-        }
-        let inside = with(0.05);
-        assert!((inside.environment - 0.1).abs() < 1e-6);
-        assert!(towards(&inside, Vec3::Y) > 0.0 && towards(&inside, Vec3::Y) < 0.1);
+            |share| ambient(&IndirectSettings::default(), &[], BOUNDS, share, Some((Vec3::ONE, share)));
+        assert_eq!(with(1.0), [Vec4::ZERO; 3]);
+        let inside = towards(&with(0.1), Vec3::Y);
+        assert!(inside > 0.0 && inside < 0.1, "{inside}");
     }
 
     #[test]
     fn no_direction_is_darker_than_black() {
-        let narrow = SkyView { share: 0.01, direction: Vec3::new(0.0095, 0.003, 0.0) };
-        let a = ambient(&IndirectSettings::default(), &[sun()], (Vec3::ZERO, Vec3::ONE), narrow, None);
-        for channel in a.radiance {
-            assert!(channel.truncate().length() <= channel.w * 1.0001, "{a:?}");
+        let bounced = ambient(&IndirectSettings::default(), &[sun()], (Vec3::ZERO, Vec3::ONE), 0.01, None);
+        for channel in bounced {
+            assert!(channel.truncate().length() <= channel.w * 1.0001, "{bounced:?}");
         }
     }
 }

@@ -12,6 +12,7 @@
 
 mod antialias;
 mod debug_view;
+mod parts;
 mod present;
 mod settings;
 
@@ -21,6 +22,7 @@ pub use antialias::{Antialias, AntialiasInputs, AntialiasRoom};
 #[cfg(test)]
 pub(crate) use debug_view::DebugInput;
 pub use debug_view::DebugView;
+pub use parts::Parts;
 pub use present::{Present, Presented};
 pub use settings::{CameraSettings, Curve, Exposure, PostSettings, Show, Smoothing};
 
@@ -52,7 +54,7 @@ struct Accumulation {
 /// A quantity shown by itself, in the order of `aov.cs.wesl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Aov {
-    /// Direct light, nits.
+    /// The part of the light that glows, is background, or reaches its first surface straight, nits; see [`Parts`].
     Direct,
     /// Base colour, linear.
     Albedo,
@@ -60,9 +62,9 @@ pub enum Aov {
     Normal,
     /// Metres along the camera's axis.
     Depth,
-    /// Share of all direct light that arrives, 0..1.
+    /// Share of all lamps' light that arrives, 0..1.
     Shadow,
-    /// Light that is not direct, nits.
+    /// The part of the light that was scattered before it reached the surface, nits.
     Indirect,
     /// Roughness, metalness, specular.
     Roughness,
@@ -83,11 +85,13 @@ pub enum Aov {
     /// plane. Of see-through surfaces the nearest. Taken once a still, in the pixel's middle; of a frame that is averaged over
     /// time, where that was taken.
     Motion,
+    /// The part of the light that came through mirrors and smooth glass alone before a surface scatters it, nits.
+    Caustics,
 }
 
 impl Aov {
     /// All, with the names `--aov` takes.
-    pub const ALL: [(Self, &'static str); 14] = [
+    pub const ALL: [(Self, &'static str); 15] = [
         (Self::Direct, "direct"),
         (Self::Albedo, "albedo"),
         (Self::Normal, "normal"),
@@ -102,6 +106,7 @@ impl Aov {
         (Self::ShadowBias, "shadow_bias"),
         (Self::Lights, "lights"),
         (Self::Motion, "motion"),
+        (Self::Caustics, "caustics"),
     ];
 
     /// By name.
@@ -114,13 +119,22 @@ impl Aov {
         Self::ALL.into_iter().find(|(aov, _)| *aov == self).map_or("", |(_, name)| name)
     }
 
-    /// Where it is not black: of rays there are no maps to be seen.
+    /// Whether it is one of the parts that the picture's light is made of.
+    pub fn is_part(self) -> bool {
+        matches!(self, Self::Direct | Self::Indirect | Self::Caustics)
+    }
+
+    /// Where it is not black: of rays there are no maps to be seen, and parts are those of the picture.
     pub fn only(self) -> Option<Condition> {
-        let of_maps = matches!(
-            self,
-            Self::ShadowCascade | Self::ShadowTexels | Self::ShadowPenumbra | Self::ShadowBias
-        );
-        of_maps.then_some(Condition("shadow.layout=single|cascaded"))
+        Some(Condition(match self {
+            Self::ShadowCascade | Self::ShadowTexels | Self::ShadowPenumbra | Self::ShadowBias => {
+                "shadow.layout=single|cascaded"
+            }
+            Self::Direct => "camera.show=both|direct",
+            Self::Indirect => "camera.show=both|indirect and indirect.technique!=none",
+            Self::Caustics => "camera.show=both and caustics.technique!=none",
+            _ => return None,
+        }))
     }
 
     /// How to look at it.
@@ -128,8 +142,13 @@ impl Aov {
         use Mapping::{Color, Distance, Exposed, Heat, Signed};
         use Scale::{By, OfScene};
         let (about, mapping, scale) = match self {
-            Self::Direct => ("Light that comes from lights without a bounce", Exposed, By(1.0)),
-            Self::Indirect => ("Light that bounced, or what stands in for it", Exposed, By(1.0)),
+            Self::Direct => (
+                "What glows or is background, and light that reaches its first surface straight",
+                Exposed,
+                By(1.0),
+            ),
+            Self::Indirect => ("Light that was scattered before, or what stands in for it", Exposed, By(1.0)),
+            Self::Caustics => ("Light through mirrors and smooth glass alone", Exposed, By(1.0)),
             Self::Albedo => ("Base colour", Color, By(1.0)),
             Self::Normal => {
                 ("Shading normal in the world: x red, y green, z blue, grey is 0", Signed, By(1.0))
@@ -140,7 +159,7 @@ impl Aov {
                 Distance,
                 OfScene(10.0),
             ),
-            Self::Shadow => ("Share of all direct light that arrives: black is shadow", Color, By(1.0)),
+            Self::Shadow => ("Share of all lamps' light that arrives: black is shadow", Color, By(1.0)),
             Self::Roughness => ("Roughness red, metalness green, specular blue", Color, By(1.0)),
             Self::ShadowCascade => (
                 "Which shadow map a pixel is looked up in: a colour each, mixed where two are",
@@ -442,7 +461,7 @@ impl Display {
     }
 }
 
-/// Shows single quantities of the surface buffer and of lighting.
+/// Shows single quantities of the surface buffer and of lighting; parts of light are in [`Parts`].
 #[derive(Debug)]
 pub struct AovPass {
     pipeline: ComputePipeline,

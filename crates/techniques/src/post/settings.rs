@@ -20,20 +20,20 @@ choice! {
     pub enum Show {
         /// All of it.
         Both = "both",
-        /// What comes from lights without a bounce, what glows, and what is behind everything.
+        /// What glows or is behind everything where it is seen, and what reaches its first surface with nothing between.
         Direct = "direct",
-        /// What bounced, and what stands in for it.
+        /// What was scattered before, and what stands in for it.
         Indirect = "indirect",
     }
 }
 
 impl Show {
-    /// Weights of direct and of indirect light.
-    pub fn weights(self) -> [f32; 2] {
+    /// Weights of direct light, of indirect light and of caustics.
+    pub fn weights(self) -> [f32; 3] {
         match self {
-            Self::Both => [1.0, 1.0],
-            Self::Direct => [1.0, 0.0],
-            Self::Indirect => [0.0, 1.0],
+            Self::Both => [1.0, 1.0, 1.0],
+            Self::Direct => [1.0, 0.0, 0.0],
+            Self::Indirect => [0.0, 1.0, 0.0],
         }
     }
 }
@@ -85,7 +85,7 @@ settings! {
         exposure_ev100: Exposure = Exposure::Auto, "EV100", -16.0..=24.0, Uniform;
         /// Curve from exposed radiance to the screen.
         tone_map: Curve = Curve::Aces, "", (), Uniform;
-        /// Which light the picture shows: both, direct or indirect alone.
+        /// Which light the picture shows: all of it, or direct or indirect light alone, as `--aov` has them.
         show: Show = Show::Both, "", (), Uniform;
     }
 }

@@ -41,11 +41,16 @@ impl Case {
 }
 
 fn draw(scene: &Scene, turn_rad: f32, case: Case) -> Vec<[f32; 4]> {
+    draw_under(Vec3::ZERO, scene, turn_rad, case)
+}
+
+/// Under a uniform sky, nits.
+fn draw_under(sky: Vec3, scene: &Scene, turn_rad: f32, case: Case) -> Vec<[f32; 4]> {
     let gpu = device_guaranteed();
     let bench = Bench::new(&gpu);
     bench.set_frame(&FrameData { environment_turn: [turn_rad.cos(), turn_rad.sin()], ..FrameData::zeroed() });
     let loaded = SceneGpu::upload(&gpu, &bench.kit.scene_layout, scene).unwrap();
-    let emitters = EmitterData::build(scene, &scene.pose(0.0)).upload(&gpu).unwrap();
+    let emitters = EmitterData::build(scene, &scene.pose(0.0)).under(sky).upload(&gpu).unwrap();
     let shader = ("tests/emitter_sample.cs.wesl", include_str!("wesl/emitter_sample.cs.wesl"));
     let buffer = bench.buffer("case_", &[case]);
     let binds = [("case_", (&buffer).into()), ("emitters", (&emitters.words).into())];
@@ -148,16 +153,22 @@ fn places_on_lamps_are_drawn_evenly_over_their_area() {
 
 #[test]
 fn directions_of_the_sky_are_drawn_as_densely_as_they_say_however_it_is_turned() {
-    const TEXELS: [u32; 2] = [24, 12];
+    let mut stage = Stage::floor(0.5);
+    assert_sky_is_drawn_as_it_says(&stage.scene, Vec3::new(0.5, 2.0, 1.0));
+    stage.scene.environment = Some(sky(TEXELS[0], TEXELS[1]));
+    assert_sky_is_drawn_as_it_says(&stage.scene, Vec3::ZERO);
+}
+
+const TEXELS: [u32; 2] = [24, 12];
+
+fn assert_sky_is_drawn_as_it_says(scene: &Scene, uniform: Vec3) {
     // Two cells a texel, whose edges stay such when the map is turned by an odd number of cells.
     let [columns, rows] = TEXELS.map(|n| 2 * n as usize);
-    let mut stage = Stage::floor(0.5);
-    stage.scene.environment = Some(sky(TEXELS[0], TEXELS[1]));
     for turned in [0.0, 1.0, 17.0] {
         let turn_rad = turned * TAU / columns as f32;
         let grid =
             Case { rows: rows as u32, columns: columns as u32, points: 2, ..Case::new(SKY, Vec3::ZERO) };
-        let answers = draw(&stage.scene, turn_rad, grid);
+        let answers = draw_under(uniform, scene, turn_rad, grid);
         let (drawn, grid) = answers.split_at(DRAWS);
         let mut cells = vec![(0.0, 0.0); rows * columns];
         for &[x, y, z, _] in drawn {

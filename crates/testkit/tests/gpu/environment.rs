@@ -191,12 +191,18 @@ fn a_million_nits_stay_finite_and_a_thousandth_beside_them_stays_visible() {
 }
 
 #[test]
-fn without_indirect_light_an_environment_is_background_only() {
+fn without_indirect_light_an_environment_is_seen_straight_and_in_metals_and_lights_nothing() {
+    let matte = Material { specular: 0.0, ..Material::default() };
+    let metal = |roughness| Material { metallic: 1.0, roughness, ..Material::default() };
     for settings in pipelines() {
-        let (stage, view) = slab(Material::default(), uniform(2.0));
-        let image = picture(with(settings, &[("indirect.technique", "none")]), &stage, &view);
-        assert_eq!(image.pixel(32, 32), [0.0; 3]);
-        assert_is(image.pixel(32, 1), Vec3::splat(2.0), 0.001, "background");
+        let settings = with(settings, &[("indirect.technique", "none")]);
+        for (material, nits) in [(matte.clone(), 0.0), (metal(0.0), 2.0), (metal(0.5), 2.0)] {
+            let (stage, view) = slab(material, uniform(2.0));
+            let image = picture(settings.clone(), &stage, &view);
+            let found = image.pixel(32, 32);
+            assert!(found.iter().all(|v| (v - nits).abs() <= 0.02 * nits), "{found:?} is not {nits}");
+            assert_is(image.pixel(32, 1), Vec3::splat(2.0), 0.001, "background");
+        }
     }
 }
 

@@ -65,7 +65,7 @@ fn traced(scene: &mut Scene, lookout: Lookout, samples: u32) -> Image {
     scene.settle(Some(lookout.eye_m));
     let options = ReferenceOptions { max_depth: 3, ..ReferenceOptions::default() };
     let view = lookout.view(scene);
-    Truth::new(&device(), Settings::default(), scene, (&view, SIZE), options).add(&[samples])
+    Truth::new(&device(), direct(&[]), scene, (&view, SIZE), options).add(&[samples])
 }
 
 /// Asserts that scenes under all lights and through both pipelines look as they do at the origin in metres.
@@ -160,7 +160,7 @@ fn a_box_keeps_its_shadow_on_ground_of_any_size() {
     let stage = on_ground(300.0, false);
     let view = LOOKOUT.view(&stage.scene);
     // No picture shows the ground's end.
-    let right = Truth::new(&device(), Settings::default(), &stage.scene, (&view, SIZE), options).add(&[64]);
+    let right = Truth::new(&device(), direct(&[]), &stage.scene, (&view, SIZE), options).add(&[64]);
     let mut studio = Studio::new(&device(), direct(&[]));
     for (side_m, slab) in [300.0, 3e3, 1e5].map(|side| [(side, false), (side, true)]).into_iter().flatten() {
         let loaded = studio.load(&on_ground(side_m, slab).scene);

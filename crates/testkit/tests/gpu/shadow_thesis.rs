@@ -46,7 +46,7 @@ fn variance_is_rescaled_and_exponential_clamped_to_0_3_of_the_whole_colour() {
         studio.radiance(&scene, &view(), SIZE, 1)
     };
     let bright = picture(&[("shadow.layout", "none")]);
-    let ambient = picture(&[("shadow.layout", "none"), ("camera.show", "indirect")]);
+    let lamps = picture(&[("shadow.layout", "none"), ("camera.show", "direct"), ("environment.sky", "none")]);
     let by: [(&str, fn(f32) -> f32); 2] =
         [("variance", |visible| 0.3 + 0.7 * visible), ("exponential", |visible| visible.max(0.3))];
     for (representation, factor) in by {
@@ -60,9 +60,11 @@ fn variance_is_rescaled_and_exponential_clamped_to_0_3_of_the_whole_colour() {
         let direct = picture(&plain);
         let (mut least, mut partly) = (1.0f32, 0);
         for (i, dark) in dark.pixels().iter().enumerate() {
-            let [bright, ambient, direct] = [&bright, &ambient, &direct].map(|image| image.pixels()[i][1]);
-            // The sky has no ambient light, and what faces away from the sun little other.
-            if ambient == 0.0 || bright <= 1.5 * ambient {
+            let [bright, lamps, direct] = [&bright, &lamps, &direct].map(|image| image.pixels()[i][1]);
+            // Of the sky's own light and of what bounces.
+            let ambient = bright - lamps;
+            // Before the sky there is no surface, and what faces away from the sun has little other light.
+            if bright <= 1.5 * ambient {
                 continue;
             }
             let visible = ((direct - ambient) / (bright - ambient)).clamp(0.0, 1.0);

@@ -27,11 +27,11 @@ const COLUMNS: u32 = 1024;
 /// Words before the tables: where they are.
 const HEADER: usize = 2;
 
-/// What shines in a scene as shaders read it, made on the CPU by any thread.
+/// What shines in a scene, looked at by any thread.
 #[derive(Clone, Debug)]
 pub struct EmitterData {
-    words: Vec<Word>,
-    aimed: f32,
+    gathered: Gathered,
+    sky: Vec3,
     lamps: Lamps,
 }
 
@@ -43,14 +43,19 @@ pub struct Emitters {
     /// Of paths that leave emitters evenly over all their directions, the share that may meet the scene.
     pub aimed: f32,
     count: usize,
-    lamps: Lamps,
+    data: EmitterData,
 }
 
 impl EmitterData {
-    /// Looks at a scene as it stands in a pose.
+    /// Looks at a scene as it stands in a pose, under a black sky.
     pub fn build(scene: &cs::Scene, pose: &cs::Pose) -> Self {
-        let (words, aimed) = words(scene, pose);
-        Self { words, aimed, lamps: Lamps::new(scene, pose) }
+        Self { gathered: gathered(scene, pose), sky: Vec3::ZERO, lamps: Lamps::new(scene, pose) }
+    }
+
+    /// The same under a uniform sky, nits; it does not shine where the scene has an environment map.
+    #[must_use]
+    pub fn under(self, sky: Vec3) -> Self {
+        Self { sky, ..self }
     }
 
     /// Uploads.
@@ -58,7 +63,8 @@ impl EmitterData {
     /// # Errors
     /// [`GpuError::TooLarge`] when the adapter cannot bind so much.
     pub fn upload(self, gpu: &Gpu) -> Result<Emitters, GpuError> {
-        let needed = size_of_val(self.words.as_slice()) as u64;
+        let (words, aimed) = self.gathered.words(self.sky);
+        let needed = size_of_val(words.as_slice()) as u64;
         let limit = gpu.limits.max_storage_buffer_binding_size;
         if needed > limit {
             return Err(GpuError::TooLarge {
@@ -69,8 +75,9 @@ impl EmitterData {
                 advice: "let fewer triangles glow",
             });
         }
-        let words = Buffer::with_data(gpu, "emitters", &self.words, BufferUsages::STORAGE);
-        Ok(Emitters { words, aimed: self.aimed, count: self.words.len(), lamps: self.lamps })
+        let count = words.len();
+        let words = Buffer::with_data(gpu, "emitters", &words, BufferUsages::STORAGE);
+        Ok(Emitters { words, aimed, count, data: self })
     }
 }
 
@@ -79,8 +86,9 @@ impl Emitters {
     /// anew will do: a glowing triangle has stopped or begun to be finite.
     #[must_use]
     pub fn update(&mut self, gpu: &Gpu, scene: &cs::Scene, pose: &cs::Pose) -> bool {
-        if self.lamps.changed(pose) {
-            let (words, aimed) = words(scene, pose);
+        if self.data.lamps.changed(pose) {
+            self.data.gathered = gathered(scene, pose);
+            let (words, aimed) = self.data.gathered.words(self.data.sky);
             if words.len() != self.count {
                 return false;
             }
@@ -89,10 +97,21 @@ impl Emitters {
         }
         true
     }
+
+    /// Takes another uniform sky, nits, for the commands submitted next.
+    ///
+    /// # Errors
+    /// As [`EmitterData::upload`].
+    pub fn set_sky(&mut self, gpu: &Gpu, sky: Vec3) -> Result<(), GpuError> {
+        if self.data.sky != sky {
+            *self = self.data.clone().under(sky).upload(gpu)?;
+        }
+        Ok(())
+    }
 }
 
-/// All that shines, as it stands in a pose, and how much of it may meet the scene.
-fn words(scene: &cs::Scene, pose: &cs::Pose) -> (Vec<Word>, f32) {
+/// All that shines, as it stands in a pose.
+fn gathered(scene: &cs::Scene, pose: &cs::Pose) -> Gathered {
     let mut gathered = Gathered::new(scene, pose);
     if gathered.materials.iter().any(|glow| *glow > 0.0) {
         let cut = Cut::new(scene, pose);
@@ -102,21 +121,25 @@ fn words(scene: &cs::Scene, pose: &cs::Pose) -> (Vec<Word>, f32) {
             }
         }
     }
-    gathered.words()
+    gathered
 }
 
-/// Emitters being gathered.
+/// What shines of the scene itself.
+#[derive(Clone, Debug)]
 struct Gathered {
     /// What a material emits, by the largest channel of its factor and the largest alpha that it may have.
     materials: Vec<f32>,
     /// Flux, and the share of it that may meet the scene.
     lights: Vec<(f32, f32)>,
     triangles: Vec<(f32, Word)>,
-    environment: Option<Table>,
-    environment_flux: f32,
+    /// Its map, and the mean radiance.
+    environment: Option<(Table, f32)>,
+    /// Area that parallel light falls through on its way to the scene, m².
+    disc: f32,
 }
 
 /// The environment's cells: share of each, and density per steradian.
+#[derive(Clone, Debug)]
 struct Table {
     columns: u32,
     rows: u32,
@@ -135,8 +158,6 @@ impl Gathered {
                 _ => peak * 2.0 * PI * (1.0 - light.cone_rad.cos()),
             }
         };
-        let environment = scene.environment.as_ref().map(table);
-        let mean = environment.as_ref().map_or(0.0, |(_, mean)| *mean);
         Self {
             materials: scene
                 .materials
@@ -145,8 +166,8 @@ impl Gathered {
                 .collect(),
             lights: light_data(scene, pose).0.iter().map(|l| (flux(l), aimed(l, (lo, hi)))).collect(),
             triangles: Vec::new(),
-            environment: environment.map(|(table, _)| table),
-            environment_flux: 4.0 * PI * mean * disc.max(f32::MIN_POSITIVE),
+            environment: scene.environment.as_ref().map(table),
+            disc: disc.max(f32::MIN_POSITIVE),
         }
     }
 
@@ -160,11 +181,14 @@ impl Gathered {
         }
     }
 
-    /// The tables, after a header that says where they are.
-    fn words(self) -> (Vec<Word>, f32) {
+    /// The tables, after a header that says where they are, and how much of all that shines may meet the scene. Without a map
+    /// the sky is the environment, its table a single cell.
+    fn words(&self, sky: Vec3) -> (Vec<Word>, f32) {
+        let uniform = (Table::uniform(), sky.max_element());
+        let (map, mean) = self.environment.as_ref().unwrap_or(&uniform);
         let mut words = vec![[0; 4]; HEADER];
         let all_triangles: f64 = self.triangles.iter().map(|(flux, _)| f64::from(*flux)).sum();
-        let environment = f64::from(self.environment_flux);
+        let environment = f64::from(4.0 * PI * *mean * self.disc);
         let total =
             self.lights.iter().map(|(flux, _)| f64::from(*flux)).sum::<f64>() + all_triangles + environment;
         let groups = self.lights.iter().filter(|(flux, _)| *flux > 0.0).count()
@@ -204,10 +228,10 @@ impl Gathered {
                 std::array::from_fn::<u32, 4, _>(|i| four.get(i).copied().unwrap_or(0.0).to_bits())
             }),
         );
-        if let Some(map) = self.environment.filter(|_| environment > 0.0) {
+        if environment > 0.0 {
             words[1] = [words.len() as u32, map.columns, map.rows, (share(environment) as f32).to_bits()];
             let shares: Vec<_> = map.shares.iter().map(|&s| f64::from(s)).collect();
-            for ((threshold, other), density) in alias(&shares).into_iter().zip(map.densities) {
+            for ((threshold, other), density) in alias(&shares).into_iter().zip(&map.densities) {
                 words.push([threshold.to_bits(), other, density.to_bits(), 0]);
             }
         }
@@ -242,6 +266,13 @@ fn coverage(material: &cs::Material) -> f32 {
         cs::AlphaMode::Opaque => 1.0,
         cs::AlphaMode::Mask { cutoff } => f32::from(u8::from(alpha >= cutoff)),
         cs::AlphaMode::Blend => alpha,
+    }
+}
+
+impl Table {
+    /// All directions alike.
+    fn uniform() -> Self {
+        Self { columns: 1, rows: 1, shares: vec![1.0], densities: vec![0.25 / PI] }
     }
 }
 
