@@ -40,7 +40,7 @@ impl Part {
             Self::Picture => None,
             Self::Direct => Some(Aov::Direct),
             Self::Indirect => Some(Aov::Indirect),
-            Self::Caustics => Aov::by_name("caustics"),
+            Self::Caustics => Some(Aov::Caustics),
         }
     }
 
