@@ -184,7 +184,7 @@ fn rust_structs_equal_their_wesl_twins() {
         PathPass,
         "PathPass",
         size_px,
-        first_sample,
+        before,
         sample_count,
         max_depth,
         diffuse_bounces,
@@ -193,6 +193,8 @@ fn rust_structs_equal_their_wesl_twins() {
         rows,
         first_seen,
         seen_count,
+        step,
+        zero,
         reserved,
     );
     same!(
@@ -204,8 +206,8 @@ fn rust_structs_equal_their_wesl_twins() {
         sample_count,
         what,
         seed,
-        reserved0,
-        reserved1,
+        step,
+        before,
     );
     same!(
         &linked("reference/photon/trace.cs.wesl"),

@@ -20,6 +20,8 @@ mod log;
 mod materials;
 mod motion;
 mod moving;
+mod pair;
+mod parts;
 mod pipelines;
 mod references;
 mod robust;
