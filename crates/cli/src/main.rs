@@ -53,6 +53,7 @@ fn run(command: &Command) -> anyhow::Result<()> {
         Command::Render(args) => render::run(args),
         Command::View(args) => view::run(args),
         Command::Reference(args) => reference::run(args),
+        Command::Merge(args) => reference::merge(args),
         Command::Bench(args) => bench::run(args),
         Command::Diff(args) => diff::run(args),
         Command::Scenes(args) => info::scenes(args),

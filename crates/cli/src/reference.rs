@@ -1,7 +1,10 @@
 //! `chiaro reference`
 
 mod file;
+mod merge;
 mod progress;
+mod shards;
+mod sums;
 
 use std::time::{Duration, Instant};
 
@@ -11,11 +14,13 @@ use chiaro::{FirstHit, Integrator, Recorder, Reference, ReferenceOptions};
 use crate::args::{self, ReferenceArgs, SettingsArgs};
 use crate::frames::{self, Moment};
 use crate::interrupt::Interrupt;
-use crate::output::print;
+use crate::output::{WrongUsage, print};
 use crate::session::{Session, Tracing};
 use crate::values::Setting;
-use file::Sums;
 use progress::Progress;
+use sums::Sums;
+
+pub use merge::run as merge;
 
 /// How long the GPU may be busy with one dispatch, about: no watchdog or desktop notices.
 const BUSY: Duration = Duration::from_millis(50);
@@ -111,7 +116,24 @@ fn options(args: &ReferenceArgs) -> ReferenceOptions {
         max_depth: args.max_depth,
         diffuse_bounces: args.diffuse_bounces.unwrap_or(u32::MAX),
         seed: args.seed,
+        shard: args.shard.unwrap_or_default(),
     }
+}
+
+/// Samples to trace, of a shard its own; `None`: something else ends the render.
+fn samples_of(args: &ReferenceArgs, round: u32) -> anyhow::Result<Option<u32>> {
+    let Some(whole) = progress::samples(args) else { return Ok(None) };
+    let Some(shard) = args.shard else { return Ok(Some(whole)) };
+    let own = shard.samples_of(whole, round);
+    if own == 0 {
+        let (rounds, least) = (whole.div_ceil(round), u64::from(round) * u64::from(shard.number));
+        bail!(WrongUsage(format!(
+            "--shard {}/{}: nothing is left for it of --spp {whole}, which is {rounds} rounds of {round}; trace {least} \
+             samples or more, or fewer shards",
+            shard.number, shard.of
+        )));
+    }
+    Ok(Some(own))
 }
 
 /// Traces one image to its end and writes it.
@@ -128,12 +150,14 @@ fn trace(
     let resumed = args.resume && output.exists();
     let timed_out = if resumed { file::resume(&output, &about, *size, reference)? } else { None };
     let first = reference.samples();
-    let label = moment.number.map_or(String::new(), |number| {
+    let shard = args.shard.map_or(String::new(), |shard| format!("shard {} of {}, ", shard.number, shard.of));
+    let frame = moment.number.map_or(String::new(), |number| {
         format!("frame {number} ({} of {}), ", done + 1, frames::count(&args.time))
     });
     // An image of many has had its time; one alone is given more whenever it is asked for.
     let timed_out = timed_out.filter(|_| moment.number.is_some());
-    let mut progress = Progress::new(args, label, (first, timed_out));
+    let most = samples_of(args, reference.round())?;
+    let mut progress = Progress::new(args, most, format!("{frame}{shard}"), (first, timed_out));
     let (mut saved, mut pause) = (Instant::now(), CHECKPOINT);
     let mut tracing = Duration::ZERO;
     loop {
@@ -178,7 +202,9 @@ fn trace(
     }
     let path = output.display();
     if interrupt.heard() && !progress.is_done(samples) {
-        bail!("interrupted: {path} holds {samples} samples a pixel; the same command with --resume goes on");
+        bail!(
+            "interrupted: {path} holds {shard}{samples} samples a pixel; the same command with --resume goes on"
+        );
     }
     let took = tracing.as_secs_f64();
     let each = match args.integrator {
@@ -191,5 +217,5 @@ fn trace(
     } else {
         "nothing to add, ".to_owned()
     };
-    print(&format!("{path}  {samples} spp, {speed}noise {:.2} %\n", 100.0 * sums.noise()?))
+    print(&format!("{path}  {shard}{samples} spp, {speed}noise {:.2} %\n", 100.0 * sums.noise()?))
 }

@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use chiaro::scene::HeightMap;
-use chiaro::{Kind, Settings};
+use chiaro::{Kind, Settings, Shard};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
 /// The largest side of an image, the guaranteed limit of a 2D texture in WebGPU.
 const MAX_SIDE: u32 = 8192;
+/// More machines than anybody has.
+const MAX_SHARDS: u32 = 65_536;
 
 /// An image's size, written `1280x720`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -179,6 +181,15 @@ pub fn positive(text: &str) -> Result<u32, String> {
     text.parse().ok().filter(|number| *number > 0).ok_or_else(|| "write a whole number from 1".to_owned())
 }
 
+/// One of many parts of a reference, written `2/8`.
+pub fn shard(text: &str) -> Result<Shard, String> {
+    let parts = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+    let shard = parts.map(|(number, of)| Shard { number, of });
+    shard.filter(|shard| shard.of <= MAX_SHARDS && (1..=shard.of).contains(&shard.number)).ok_or_else(|| {
+        format!("write I/N, the I-th of N parts, I from 1 to N and N up to {MAX_SHARDS}, such as 2/8")
+    })
+}
+
 /// A standard deviation in pixels. The bound keeps the filter smaller than any image it makes sense on.
 pub fn blur_px(text: &str) -> Result<f64, String> {
     number_where(text, |px| (0.0..=1000.0).contains(&px), "write pixels from 0 to 1000, such as 2 or 0.5")
@@ -280,6 +291,15 @@ mod tests {
         assert_eq!("3..8".parse(), Ok(FrameRange { start: 3, end: 8 }));
         for wrong in ["3", "8..3", "3..3", "..3", "3..", "-1..3", "1..=3"] {
             assert!(wrong.parse::<FrameRange>().is_err(), "{wrong} was taken");
+        }
+    }
+
+    #[test]
+    fn a_shard_is_one_of_as_many_as_there_are() {
+        assert_eq!(shard("2/8"), Ok(Shard { number: 2, of: 8 }));
+        assert_eq!(shard("1/1"), Ok(Shard::default()));
+        for wrong in ["0/8", "9/8", "1/0", "-1/2", "2", "/", "1/2/3", "a/b", "1/65537", "1.5/2", ""] {
+            assert!(shard(wrong).is_err(), "{wrong} was taken");
         }
     }
 
