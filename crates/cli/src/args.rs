@@ -1,17 +1,18 @@
 //! The flags of every subcommand, and their help.
 
-use std::path::PathBuf;
-use std::str::FromStr as _;
+mod compare;
+mod reference;
+mod scene;
 
-use chiaro::scene::HeightMap;
-use chiaro_lab::Part;
+use std::path::PathBuf;
+
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::values::{
-    FrameRange, GroundSize, Setting, ShardArg, Size, Vary, View, blur_px, chart_output, frames_per_second,
-    positive, radiance_output, render_output, seconds, share, some_seconds, terrain_metres, terrain_vertices,
-    values_of,
-};
+pub use compare::{CompareArgs, JudgeArgs, SweepArgs};
+pub use reference::{Integrator, MergeArgs, ReferenceArgs};
+pub use scene::{SceneArgs, TimeArgs};
+
+use crate::values::{Setting, blur_px, chart_output, frames_per_second, positive, render_output, values_of};
 
 /// Real-time shadows, indirect light and caustics, measured against path-traced truth
 #[derive(Debug, Parser)]
@@ -20,8 +21,7 @@ use crate::values::{
     version,
     arg_required_else_help = true,
     after_help = "Example:\n  chiaro render builtin:nave -o nave.png\n\n\
-                  `chiaro COMMAND --help` has an example for each command.\n\
-                  Exit status: 0 done, 1 the work failed, 2 wrong usage."
+                  `chiaro COMMAND --help` has examples. Exit status: 0 done, 1 the work failed, 2 wrong usage."
 )]
 pub struct Cli {
     /// What to do
@@ -59,27 +59,11 @@ Examples:
 H shows the keys. Scene files can be dropped onto the window.")]
     View(ViewArgs),
     /// Trace a scene's light: the truth that real-time pictures are measured against
-    #[command(after_help = "\
-Examples:
-  chiaro reference builtin:cornell --spp 256 -o cornell.exr
-  chiaro reference room.glb --camera 1 --max-depth 3 --spp 64 -o room.bounce1.exr
-  chiaro reference room.glb --target-error 0.5% --time-limit 3600 --resume -o room.exr
-  chiaro reference builtin:pool --integrator full --spp 256 -o pool.exr
-  chiaro reference builtin:dancer --frames 0..192 --fps 24 --spp 256 -o truth/dancer.exr
-
-The goal that comes first ends the render. Ctrl-C stops it, too, and nothing is lost: the file holds
-all samples so far (and is written about every minute), and --resume goes on from it. Beside the
-picture (R, G, B in nits) the EXR has the layers variance (of each pixel's mean, nits^2), samples,
-and the sums to go on from.
-
-Paths from the camera alone find no light of lamps without extent that mirrors or smooth glass send
-on to a surface (caustics): --integrator full adds them by paths from the lights, four samples at a
-time on a GPU, so that N is rounded up. What moves stands still while it is traced.
-
---frames traces moments of an animation to numbered images, truth/dancer.0000.exr and so on, each the
-same as one of its --time: --spp, --time-limit and --target-error are each image's. --resume keeps
-those that are done and goes on with the one that was begun.")]
+    #[command(after_help = reference::HELP)]
     Reference(ReferenceArgs),
+    /// Add up the parts of a reference that many machines traced
+    #[command(after_help = reference::MERGE_HELP)]
+    Merge(MergeArgs),
     /// Measure how long each pass of a frame takes on this machine
     #[command(after_help = "\
 Examples:
@@ -184,55 +168,6 @@ them is marked.")]
     Info(ListArgs),
 }
 
-/// What is seen, and from where.
-#[derive(Clone, Debug, Args)]
-pub struct SceneArgs {
-    /// A .glb, .gltf or .obj file, or builtin:NAME (see `chiaro scenes`)
-    #[arg(value_name = "SCENE")]
-    pub scene: Option<String>,
-    /// Which scene of a file that holds several, by its number from 0 or by its name [default: the file's own choice]
-    #[arg(long = "scene", value_name = "INDEX|NAME")]
-    pub scene_in_file: Option<String>,
-    /// Terrain in the scene's place
-    #[command(flatten)]
-    pub terrain: TerrainArgs,
-    /// The image's width and height in pixels [default: 1280x720; `bench --suite shadows`: 800x600]
-    #[arg(long, value_name = "WxH")]
-    pub size: Option<Size>,
-    /// A camera of the scene, by its number from 0 or by its name [default: the first]; its near plane counts, and the far
-    /// plane of an orthographic one: perspective cameras see to infinity
-    #[arg(long, value_name = "INDEX|NAME", conflicts_with = "view")]
-    pub camera: Option<String>,
-    /// A camera of your own: its position and target in metres, and its vertical field of view in degrees; its near
-    /// plane follows from the size of what is looked at
-    #[arg(long, value_name = "x,y,z,tx,ty,tz,yfov_deg", allow_hyphen_values = true)]
-    pub view: Option<View>,
-    /// A Radiance HDR or EXR picture of the surroundings (latitude-longitude), which lights the scene
-    #[arg(long, value_name = "FILE")]
-    pub environment: Option<PathBuf>,
-    /// Refuse a scene file whose textures or material libraries are missing or broken, instead of warning and going on
-    /// without them
-    #[arg(long)]
-    pub strict: bool,
-}
-
-/// Terrain from a picture of its heights, under a sun and a clear sky.
-#[derive(Clone, Debug, Args)]
-pub struct TerrainArgs {
-    /// Instead of a scene: terrain from a grey picture of 8 or 16 bits, black at height 0, its top away from the viewer
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "scene_in_file"])]
-    pub height_map: Option<PathBuf>,
-    /// The terrain's extent along X and Z in metres [default: as the picture is shaped, the longer side 100]
-    #[arg(long, value_name = "X,Z", requires = "height_map", allow_hyphen_values = true)]
-    pub size_m: Option<GroundSize>,
-    /// The height of white in metres [default: a tenth of the longer side]
-    #[arg(long, value_name = "H", requires = "height_map", allow_negative_numbers = true, value_parser = terrain_metres)]
-    pub height_m: Option<f32>,
-    /// Vertices along each side of the terrain
-    #[arg(long, value_name = "N", requires = "height_map", default_value_t = HeightMap::DEFAULT_VERTICES, allow_negative_numbers = true, value_parser = terrain_vertices)]
-    pub vertices: usize,
-}
-
 /// How it is rendered.
 #[derive(Debug, Args)]
 pub struct SettingsArgs {
@@ -248,20 +183,6 @@ pub struct SettingsArgs {
     /// How surfaces meet light: the setting `pipeline` [default: what --set or the preset says]
     #[arg(long, value_parser = values_of("pipeline"))]
     pub pipeline: Option<String>,
-}
-
-/// Which moments of an animation are shown.
-#[derive(Clone, Debug, Args)]
-pub struct TimeArgs {
-    /// The frames A, A+1, … B-1 of the animation, to numbered images
-    #[arg(long, value_name = "A..B", conflicts_with = "time")]
-    pub frames: Option<FrameRange>,
-    /// Frames per second of the animation
-    #[arg(long, value_name = "F", default_value_t = 30.0, allow_negative_numbers = true, value_parser = frames_per_second, requires = "frames", conflicts_with = "time")]
-    pub fps: f64,
-    /// The animation's moment at this many seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
-    pub time: f64,
 }
 
 /// `chiaro render`
@@ -308,63 +229,6 @@ pub struct ViewArgs {
     pub shaders: Option<PathBuf>,
 }
 
-/// `chiaro reference`
-#[derive(Debug, Args)]
-pub struct ReferenceArgs {
-    /// The scene
-    #[command(flatten)]
-    pub scene: SceneArgs,
-    /// The image to write: scene radiance in nits
-    #[arg(short, long, value_name = "FILE", value_parser = radiance_output)]
-    pub output: PathBuf,
-    /// Samples per pixel, those resumed from included: four times as many halve the noise [default: 64; without limit where --time-limit or --target-error is given]
-    #[arg(long, value_name = "N", value_parser = positive)]
-    pub spp: Option<u32>,
-    /// Stop after so many seconds of tracing, each image of --frames by itself
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = some_seconds)]
-    pub time_limit: Option<f64>,
-    /// Stop once a pixel's estimated standard error, averaged over the image, is this share of the image's mean: 0.01 or 1%
-    #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = share)]
-    pub target_error: Option<f64>,
-    /// Go on from the output file where there is one, or from the numbered images of --frames; the image is, bit for bit,
-    /// that of a render without a break
-    #[arg(long)]
-    pub resume: bool,
-    /// Which paths of light are traced
-    #[arg(long, value_enum, default_value_t = Integrator::Path)]
-    pub integrator: Integrator,
-    /// Most edges of a path: 1 shows what glows, 2 direct light, 3 one bounce; 0 is no limit
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub max_depth: u32,
-    /// Most times that light goes from one scattering surface to another, mirrors and smooth glass not counted: 0 leaves
-    /// direct light and caustics [default: no limit]
-    #[arg(long, value_name = "N")]
-    pub diffuse_bounces: Option<u32>,
-    /// The moments
-    #[command(flatten)]
-    pub time: TimeArgs,
-    /// What all random choices start from; the same seed gives the same image
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u32,
-    /// Also write a part of the light (direct, indirect, caustics) or what the camera sees first (albedo, normal, depth) to STEM.NAME.exr; may be given many times
-    #[arg(long = "aov", value_name = "NAME")]
-    pub aovs: Vec<String>,
-    /// Change a setting that says what is there (surface.lighting, surface.normal_maps, environment.*)
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub set: Vec<Setting>,
-}
-
-/// Which paths of light `chiaro reference` traces.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Integrator {
-    /// From the camera: all light but that of lamps without extent over mirrors or through smooth glass
-    Path,
-    /// From the lights to surfaces that scatter, seen directly; mirrors and smooth glass are black
-    Photon,
-    /// Both, nothing twice: everything
-    Full,
-}
-
 /// `chiaro bench`
 #[derive(Debug, Args)]
 pub struct BenchArgs {
@@ -401,105 +265,6 @@ pub enum Suite {
     Shadows,
     /// The tracers of the reference
     Reference,
-}
-
-/// What techniques are held against, and how often.
-#[derive(Debug, Args)]
-pub struct JudgeArgs {
-    /// The part of the light
-    #[arg(long, value_name = "PART", default_value = "picture", value_parser = Part::from_str)]
-    pub part: Part,
-    /// Frames to average for each picture [default: 16; with --frames 1, smoothed over time as post.antialias says, where it
-    /// says taa]
-    #[arg(long, value_name = "N", value_parser = positive)]
-    pub samples: Option<u32>,
-    /// Seeds of each technique, which tell bias from noise; those that draw no lots are rendered twice at most
-    #[arg(long, value_name = "K", default_value_t = 4, value_parser = positive)]
-    pub seeds: u32,
-    /// Leave out the pixels where this image is above 0
-    #[arg(long, value_name = "FILE")]
-    pub mask: Option<PathBuf>,
-    /// Frames that are timed, after a warm-up; 0 times none [default: 100; 5 where there is no GPU]
-    #[arg(long, value_name = "N")]
-    pub timed_frames: Option<u32>,
-    /// The truth's own mean absolute error at most, over its mean
-    #[arg(long, value_name = "E", default_value = "0.5%", allow_negative_numbers = true, value_parser = share)]
-    pub target_error: f64,
-    /// Samples of the truth at most, whatever its error is then
-    #[arg(long, value_name = "N", default_value_t = 1 << 20, value_parser = positive)]
-    pub most_samples: u32,
-    /// In the truth, most times that light goes from one scattering surface to another, mirrors and smooth glass not counted
-    /// [default: no limit]
-    #[arg(long, value_name = "N")]
-    pub diffuse_bounces: Option<u32>,
-    /// Neither look for the truth in the cache nor keep it there
-    #[arg(long)]
-    pub no_cache: bool,
-    /// The moments
-    #[command(flatten)]
-    pub time: TimeArgs,
-}
-
-/// `chiaro compare`
-#[derive(Debug, Args)]
-pub struct CompareArgs {
-    /// The scene
-    #[command(flatten)]
-    pub scene: SceneArgs,
-    /// What all techniques begin with
-    #[command(flatten)]
-    pub settings: SettingsArgs,
-    /// A technique; may be given many times [default: the presets default and fast]
-    #[arg(long = "technique", value_name = "T")]
-    pub techniques: Vec<String>,
-    /// How they are judged
-    #[command(flatten)]
-    pub judge: JudgeArgs,
-    /// The truth: full traces it, or an image of the size that is rendered
-    #[arg(long, value_name = "full|FILE", default_value = "full")]
-    pub reference: String,
-    /// Subtract this image from that of --reference first
-    #[arg(long, value_name = "FILE")]
-    pub minus: Option<PathBuf>,
-    /// The folder for the report
-    #[arg(short, long, value_name = "FOLDER")]
-    pub output: PathBuf,
-}
-
-/// `chiaro sweep`
-#[derive(Debug, Args)]
-pub struct SweepArgs {
-    /// Scenes: files, or builtin:NAME
-    #[arg(value_name = "SCENE", required = true)]
-    pub scenes: Vec<String>,
-    /// A key and the values that it is to have, parted by semicolons where they have commas; may be given many times, the last
-    /// one varies fastest
-    #[arg(long, value_name = "KEY=V1,V2,…", required = true)]
-    pub vary: Vec<Vary>,
-    /// This run's rows: every N-th from the I-th on, I from 1 to N
-    #[arg(long, value_name = "I/N")]
-    pub shard: Option<ShardArg>,
-    /// What all rows begin with
-    #[command(flatten)]
-    pub settings: SettingsArgs,
-    /// How they are judged
-    #[command(flatten)]
-    pub judge: JudgeArgs,
-    /// The image's width and height in pixels [default: 1280x720]
-    #[arg(long, value_name = "WxH")]
-    pub size: Option<Size>,
-    /// A camera of the scenes, by its number from 0 or by its name [default: the first]
-    #[arg(long, value_name = "INDEX|NAME", conflicts_with = "view")]
-    pub camera: Option<String>,
-    /// A camera of your own, as for `chiaro render`
-    #[arg(long, value_name = "x,y,z,tx,ty,tz,yfov_deg", allow_hyphen_values = true)]
-    pub view: Option<View>,
-    /// A Radiance HDR or EXR picture of the surroundings, which lights the scenes
-    #[arg(long, value_name = "FILE")]
-    pub environment: Option<PathBuf>,
-    /// The file of rows, each a line of JSON
-    #[arg(short, long, value_name = "FILE")]
-    pub output: PathBuf,
 }
 
 /// `chiaro diff`

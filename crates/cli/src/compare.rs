@@ -72,7 +72,7 @@ pub fn sweep(args: &SweepArgs) -> anyhow::Result<()> {
         base: Settings::clone(&base),
         judge: judge(&args.judge, cache.clone(), gpu.is_software())?,
         truth: truth(&args.judge, cache),
-        shard: args.shard.map(|shard| shard.0),
+        shard: args.shard,
     };
     let swept = chiaro_lab::sweep(&gpu, &options, &args.output, &mut tell)?;
     let refused =

@@ -51,6 +51,7 @@ fn run(command: &Command) -> anyhow::Result<()> {
         Command::Render(args) => render::run(args),
         Command::View(args) => view::run(args),
         Command::Reference(args) => reference::run(args),
+        Command::Merge(args) => reference::merge(args),
         Command::Bench(args) => bench::run(args),
         Command::Compare(args) => compare::compare(args),
         Command::Sweep(args) => compare::sweep(args),

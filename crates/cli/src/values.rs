@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use chiaro::scene::HeightMap;
-use chiaro::{Kind, Settings};
+use chiaro::{Kind, Settings, Shard};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
 /// The largest side of an image, the guaranteed limit of a 2D texture in WebGPU.
 const MAX_SIDE: u32 = 8192;
+/// More machines than anybody has.
+const MAX_SHARDS: u32 = 65_536;
 
 /// An image's size, written `1280x720`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -153,21 +155,6 @@ impl FromStr for Vary {
     }
 }
 
-/// A part of the work, written `I/N`, from 1 to N.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ShardArg(pub chiaro_lab::Shard);
-
-impl FromStr for ShardArg {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-        let shard = parts.map(|(index, of)| chiaro_lab::Shard { index, of });
-        let shard = shard.filter(|shard| (1..=shard.of).contains(&shard.index));
-        shard.map(Self).ok_or_else(|| "write I/N with I from 1 to N, such as 2/4".to_owned())
-    }
-}
-
 /// The values of a setting that is a choice, with their meanings.
 pub fn values_of(key: &str) -> PossibleValuesParser {
     let field = Settings::fields().iter().find(|field| field.key == key);
@@ -211,6 +198,15 @@ pub fn terrain_vertices(text: &str) -> Result<usize, String> {
 /// A whole number from 1.
 pub fn positive(text: &str) -> Result<u32, String> {
     text.parse().ok().filter(|number| *number > 0).ok_or_else(|| "write a whole number from 1".to_owned())
+}
+
+/// One of many parts of a reference, written `2/8`.
+pub fn shard(text: &str) -> Result<Shard, String> {
+    let parts = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+    let shard = parts.map(|(number, of)| Shard { number, of });
+    shard.filter(|shard| shard.of <= MAX_SHARDS && (1..=shard.of).contains(&shard.number)).ok_or_else(|| {
+        format!("write I/N, the I-th of N parts, I from 1 to N and N up to {MAX_SHARDS}, such as 2/8")
+    })
 }
 
 /// A standard deviation in pixels. The bound keeps the filter smaller than any image it makes sense on.
@@ -318,6 +314,15 @@ mod tests {
     }
 
     #[test]
+    fn a_shard_is_one_of_as_many_as_there_are() {
+        assert_eq!(shard("2/8"), Ok(Shard { number: 2, of: 8 }));
+        assert_eq!(shard("1/1"), Ok(Shard::default()));
+        for wrong in ["0/8", "9/8", "1/0", "-1/2", "2", "/", "1/2/3", "a/b", "1/65537", "1.5/2", ""] {
+            assert!(shard(wrong).is_err(), "{wrong} was taken");
+        }
+    }
+
+    #[test]
     fn a_setting_is_split_at_its_first_equals_sign() {
         let setting: Setting = "camera.tone_map=a=b".parse().unwrap();
         assert_eq!((setting.key.as_str(), setting.value.as_str()), ("camera.tone_map", "a=b"));
@@ -327,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn values_and_shards_are_lists_and_fractions() {
+    fn what_varies_is_a_list_of_values() {
         let Vary(vary) = "shadow.filter = pcf, pcss".parse().unwrap();
         assert_eq!(
             (vary.key.as_str(), vary.values),
@@ -336,10 +341,6 @@ mod tests {
         let Vary(lists) = "shadow.splits=5,20;10,40".parse().unwrap();
         assert_eq!(lists.values, ["5,20", "10,40"]);
         assert!("shadow.filter=".parse::<Vary>().is_err() && "a=1,,2".parse::<Vary>().is_err());
-        assert_eq!("2/3".parse(), Ok(ShardArg(chiaro_lab::Shard { index: 2, of: 3 })));
-        for wrong in ["0/3", "4/3", "2", "a/b", "1/0", "-1/2", "1/2/3"] {
-            assert!(wrong.parse::<ShardArg>().is_err(), "{wrong} was taken");
-        }
     }
 
     #[test]

@@ -40,7 +40,7 @@ pub use part::Part;
 pub use paths::{Paths, Traced};
 pub use row::{Columns, TIMES};
 pub use session::{SceneChoice, Session, Tracing};
-pub use sweep::{Shard, SweepOptions, Swept, Vary, sweep};
+pub use sweep::{SweepOptions, Swept, Vary, sweep};
 pub use technique::{Method, Technique, apply_preset};
 pub use timings::Machine;
 pub use trace::Pace;

@@ -6,7 +6,7 @@ use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 
 use chiaro::scene::text_hash;
-use chiaro::{Gpu, Settings};
+use chiaro::{Gpu, Settings, Shard};
 use serde::{Deserialize, Serialize};
 
 use crate::files::{bar, create_parent};
@@ -31,15 +31,6 @@ pub struct Vary {
 struct Combination {
     scene: usize,
     values: Vec<(String, String)>,
-}
-
-/// A part of all combinations: every `of`-th from the `index`-th on, counted from 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shard {
-    /// From 1.
-    pub index: u32,
-    /// How many there are.
-    pub of: u32,
 }
 
 /// What is swept.
@@ -231,9 +222,7 @@ fn combinations(options: &SweepOptions) -> Vec<Combination> {
 
 fn mine(options: &SweepOptions) -> Vec<Combination> {
     let is_mine = |index: usize| {
-        options
-            .shard
-            .is_none_or(|Shard { index: mine, of }| index as u32 % of.max(1) == mine.saturating_sub(1))
+        options.shard.is_none_or(|Shard { number, of }| index as u32 % of.max(1) == number.saturating_sub(1))
     };
     let all = combinations(options).into_iter().enumerate();
     all.filter(|(index, _)| is_mine(*index)).map(|(_, combination)| combination).collect()

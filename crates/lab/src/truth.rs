@@ -18,6 +18,8 @@ use crate::{Error, Session};
 const SEEDS: [u32; 2] = [0x7275_7468, 0x7275_7469];
 /// Samples of each half before its error is looked at first.
 const FIRST_LOOK: u32 = 16;
+/// A reference's sums of the picture, of direct light and of caustics: pairs of floats.
+const SUMS: [[&str; 2]; 3] = [["sum", "sum.low"], ["direct", "direct.low"], ["caustics", "caustics.low"]];
 /// Layers of a file in the cache.
 const HALVES: [&str; 2] = ["", "other"];
 const SAMPLES: &str = "samples";
@@ -357,15 +359,18 @@ pub(crate) fn part_of(
     part: Part,
     [width, height]: [u32; 2],
 ) -> Result<Image, Error> {
-    let layer =
-        |name: &str| layers.iter().find(|(found, _)| *found == name).map(|(_, texels)| texels.as_slice());
+    let layer = |name: &str| {
+        layers.iter().find(|(found, _)| *found == name).map_or(&[][..], |(_, texels)| texels.as_slice())
+    };
+    let [sum, direct, caustics] = SUMS.map(|[high, low]| (layer(high), layer(low)));
     let count = f64::from(samples.max(1));
-    let mean = |name: &str, index: usize| layer(name).map_or(0.0, |texels| f64::from(texels[index]) / count);
+    let at = |texels: &[f32], index: usize| texels.get(index).map_or(0.0, |value| f64::from(*value));
+    let mean = |(high, low): (&[f32], &[f32]), index: usize| (at(high, index) + at(low, index)) / count;
     let value = |index: usize| match part {
-        Part::Picture => mean("sum", index),
-        Part::Direct => mean("direct", index),
-        Part::Caustics => mean("caustics", index),
-        Part::Indirect => mean("sum", index) - mean("direct", index) - mean("caustics", index),
+        Part::Picture => mean(sum, index),
+        Part::Direct => mean(direct, index),
+        Part::Caustics => mean(caustics, index),
+        Part::Indirect => mean(sum, index) - mean(direct, index) - mean(caustics, index),
     };
     let pixels =
         (0..width as usize * height as usize).map(|pixel| [0, 1, 2].map(|c| value(4 * pixel + c) as f32));

@@ -187,7 +187,7 @@ fn rust_structs_equal_their_wesl_twins() {
         PathPass,
         "PathPass",
         size_px,
-        first_sample,
+        before,
         sample_count,
         max_depth,
         diffuse_bounces,
@@ -196,6 +196,8 @@ fn rust_structs_equal_their_wesl_twins() {
         rows,
         first_seen,
         seen_count,
+        step,
+        zero,
         reserved,
     );
     same!(
@@ -207,8 +209,8 @@ fn rust_structs_equal_their_wesl_twins() {
         sample_count,
         what,
         seed,
-        reserved0,
-        reserved1,
+        step,
+        before,
     );
     same!(
         &linked("reference/photon/trace.cs.wesl"),
