@@ -95,9 +95,10 @@ fn shards_together_are_the_image_of_one_machine() {
         // Each sample once, and nothing else.
         assert_eq!(all_file.about["samples"], one.about["samples"]);
         assert_eq!(all_file.about["shards"], "1-3 of 3");
-        for name in ["", "indirect.", "albedo."] {
+        // Parts of the light are summed in single floats.
+        for (name, most) in [("", 1e-6), ("indirect.", 1e-5), ("albedo.", 1e-6)] {
             let [merged, single] = ["all", "one"].map(|stem| file(&format!("{stem}.{name}exr")));
-            assert!(nmae(&merged, &single) <= 1e-6, "{integrator} {name}: {}", nmae(&merged, &single));
+            assert!(nmae(&merged, &single) <= most, "{integrator} {name}: {}", nmae(&merged, &single));
         }
         let noise = |file: &Layers| file.channel("variance.G").unwrap().iter().sum::<f32>();
         assert!((noise(&all_file) / noise(&one) - 1.0).abs() < 1e-4);

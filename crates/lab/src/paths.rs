@@ -184,7 +184,14 @@ impl Paths {
     fn restart(&mut self, session: &Session, settings: &Settings, seed: u32) -> Result<(), Error> {
         let Session { scene, source, view, size, .. } = session;
         self.reference.reseed(seed);
-        Ok(self.reference.follow((source, scene), settings, (view, *size))?)
+        if session.duration_s().is_none() {
+            return Ok(self.reference.restart(scene, settings, (view, *size))?);
+        }
+        // Trees follow before anything is timed.
+        self.reference.follow((source, scene), settings, (view, *size))?;
+        self.reference.renew(&mut self.recorder, (source, scene))?;
+        self.recorder.take_timings();
+        Ok(())
     }
 
     /// Adds samples; milliseconds that they took.

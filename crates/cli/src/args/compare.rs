@@ -30,7 +30,7 @@ pub struct JudgeArgs {
     #[arg(long, value_name = "N")]
     pub timed_frames: Option<u32>,
     /// The truth's own mean absolute error at most, over its mean
-    #[arg(long, value_name = "E", default_value = "0.5%", allow_negative_numbers = true, value_parser = share)]
+    #[arg(long, value_name = "E", default_value = "2%", allow_negative_numbers = true, value_parser = share)]
     pub target_error: f64,
     /// Samples of the truth at most, whatever its error is then
     #[arg(long, value_name = "N", default_value_t = 1 << 20, value_parser = positive)]

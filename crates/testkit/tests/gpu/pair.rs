@@ -21,7 +21,7 @@ fn a_pair_of_floats_keeps_what_one_loses() {
     let bench = Bench::new(&device());
     for (first, x, count) in [(1e8f32, 1.0f32, 1000u32), (0.0, 0.1, 10_000), (-3e5, 0.007, 1000)] {
         let [high, low] = sum(&bench, first, x, count);
-        let addends: [&dyn Fn(u32) -> f32; 4] = [&|_| x, &|_| x * x, &|_| -x, &|i| x * i as f32];
+        let addends: [&dyn Fn(u32) -> f32; 3] = [&|_| x, &|_| x * x, &|i| x * i as f32];
         for (lane, addend) in addends.into_iter().enumerate() {
             let exact = f64::from(first) + (0..count).map(|i| f64::from(addend(i))).sum::<f64>();
             let single = (0..count).fold(first, |sum, i| sum + addend(i));
@@ -55,11 +55,7 @@ fn a_thousand_samples_are_summed_without_loss() {
     let single = (0..truth.samples()).fold(0.0f32, |sum, _| sum + 0.1);
     let exact = samples * f64::from(0.1f32);
     assert!((f64::from(single) - exact).abs() > 1e-6, "a single float would do");
-    for name in ["sum", "direct"] {
-        let total = truth.total(name);
-        assert!((total[0] - exact).abs() < 1e-9, "{name}: {} is not {exact}", total[0]);
-    }
-    let squares = samples * f64::from(0.1f32 * 0.1);
-    assert!((truth.total("squares")[1] - squares).abs() < 1e-10);
+    let total = truth.total("sum");
+    assert!((total[0] - exact).abs() < 1e-9, "{} is not {exact}", total[0]);
     assert_eq!(image.pixel(3, 3)[0], exact as f32 / samples as f32);
 }

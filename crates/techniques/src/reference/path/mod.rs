@@ -11,7 +11,7 @@
 //!
 //! | input | output | format | unit |
 //! | --- | --- | --- | --- |
-//! | frame, scene groups, `tracer`, `emitters`, photons | sum | pairs of Rgba32Float | nits summed over samples; alpha sums coverage |
+//! | frame, scene groups, `tracer`, `emitters`, photons | sum | Rgba32Float, a pair of them | nits summed over samples; alpha sums coverage |
 //! | | squares | the same | their squares, nits² |
 //! | | direct | the same | the part of light that is met, or that falls straight on the first surface that scatters, nits |
 //! | | caustics | the same | the part that comes to that surface through mirrors and smooth interfaces alone, nits |

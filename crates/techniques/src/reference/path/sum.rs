@@ -3,10 +3,8 @@
 use chiaro_gpu::wgpu::{TextureFormat, TextureUsages};
 use chiaro_gpu::{Gpu, Life, Texture, TextureOptions};
 
-/// Names of an image's sums, in the order of their layers in `trace.cs.wesl`: each is a pair of floats, whose low halves
-/// follow.
-const SUMS: [&str; 8] =
-    ["sum", "squares", "direct", "caustics", "sum.low", "squares.low", "direct.low", "caustics.low"];
+/// Names of an image's sums, in the order of their layers in `trace.cs.wesl`: that of the picture is a pair of floats.
+const SUMS: [&str; 5] = ["sum", "squares", "direct", "caustics", "sum.low"];
 
 /// Samples of an image so far.
 #[derive(Clone, Debug)]
@@ -62,7 +60,7 @@ impl PathSum {
     }
 
     /// Everything that more samples are added to, by names that stay, as layers of a texture: Rgba32Float all. What
-    /// `NAME.low` holds is to be added to `NAME`, which is their sum rounded. Squares are those of the samples' nits; with
+    /// `sum.low` holds is to be added to `sum`, which is their sum rounded. Squares are those of the samples' nits; with
     /// photons those of whole rounds, over the samples of a round.
     pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture, u32)> {
         SUMS.into_iter().zip(0..).map(|(name, layer)| (name, self.sums(), layer))
