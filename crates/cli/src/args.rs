@@ -80,7 +80,7 @@ folder of -o, and measures with 2048x2048 maps rendered every frame.
 tells the median, the 99th percentile and the maximum of each pass and of the whole frame; -o draws
 every frame's time.")]
     Bench(BenchArgs),
-    /// Hold techniques against the truth side by side: errors, noise, flicker, GPU time, memory, pictures
+    /// Hold techniques against the truth side by side: errors, noise, GPU time, memory
     #[command(after_help = "\
 Examples:
   chiaro compare builtin:nave -o report/
