@@ -5,7 +5,8 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use chiaro_image::{
-    CompareOptions, ComparedFrame, Comparison, FrameMetrics, Image, Sequence, SequenceMetrics, read,
+    CompareOptions, ComparedFrame, Comparison, FrameMetrics, Image, ImageError, Sequence, SequenceMetrics,
+    read,
 };
 use chiaro_lab::files::bar;
 use chiaro_lab::plot::{self, Curve, Panel};
@@ -111,6 +112,14 @@ fn measure(
     for some in numbers.chunks(AT_ONCE.min(rayon::current_num_threads())) {
         let frames: Vec<_> = some.par_iter().map(|&number| (number, frame(number))).collect();
         for (number, frame) in frames {
+            if let Err(error) = &frame
+                && number < from
+                && error.downcast_ref().is_some_and(|e| matches!(e, ImageError::NoReference { .. }))
+            {
+                eprintln!("note: frame {number} does not count, and is not measured: {error}");
+                sequence.skip();
+                continue;
+            }
             let metrics = frame.and_then(|frame| Ok(sequence.add(frame, number >= from)?));
             let metrics = metrics.with_context(|| format!("frame {number}"))?;
             rows.push(Row { frame: number, metrics });

@@ -25,6 +25,7 @@ pub use options::{Integrator, ReferenceOptions, Shard};
 use frame::{sky, write_frame};
 
 use crate::loaded::WHITE_STORED;
+use crate::renderer::{check_size, check_view};
 use crate::{Error, Kit, LoadedScene, Settings, View};
 
 /// Samples that share light paths: enough for lanes to balance long paths with short ones; where nothing is gathered within
@@ -169,6 +170,8 @@ impl Reference {
         (view, size_px): (&View, [u32; 2]),
     ) -> Result<(), Error> {
         let gpu = &self.kit.gpu;
+        check_size(gpu, size_px)?;
+        check_view(view, size_px)?;
         let same_size = self.sum.size_px() == size_px;
         if let Some(photons) = &mut self.photons {
             let seen = PhotonView {
