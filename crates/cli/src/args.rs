@@ -10,9 +10,9 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 pub use compare::{CompareArgs, JudgeArgs, SweepArgs};
 pub use reference::{Integrator, MergeArgs, ReferenceArgs};
-pub use scene::{SceneArgs, TimeArgs};
+pub use scene::{SceneArgs, SettingsArgs, TimeArgs};
 
-use crate::values::{Setting, blur_px, chart_output, frames_per_second, positive, render_output, values_of};
+use crate::values::{blur_px, chart_output, frames_per_second, positive, render_output};
 
 /// Real-time shadows, indirect light and caustics, measured against path-traced truth
 #[derive(Debug, Parser)]
@@ -166,23 +166,6 @@ them is marked.")]
     /// Show the graphics adapter and which of its features chiaro uses
     #[command(after_help = "Example:\n  chiaro info")]
     Info(ListArgs),
-}
-
-/// How it is rendered.
-#[derive(Debug, Args)]
-pub struct SettingsArgs {
-    /// A preset to start from: its name, or a .ron file
-    #[arg(long, value_name = "NAME|FILE")]
-    pub preset: Option<String>,
-    /// Change one setting (see `chiaro settings`); may be given many times, the last one counts
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub set: Vec<Setting>,
-    /// What all random choices start from; no technique of a frame makes any so far
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u32,
-    /// How surfaces meet light: the setting `pipeline` [default: what --set or the preset says]
-    #[arg(long, value_parser = values_of("pipeline"))]
-    pub pipeline: Option<String>,
 }
 
 /// `chiaro render`

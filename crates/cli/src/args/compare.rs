@@ -7,7 +7,7 @@ use chiaro::Shard;
 use chiaro_lab::Part;
 use clap::Args;
 
-use super::{SceneArgs, SettingsArgs, TimeArgs};
+use super::scene::{SceneArgs, SettingsArgs, TimeArgs};
 use crate::values::{Size, Vary, View, positive, shard, share};
 
 /// What techniques are held against, and how often.

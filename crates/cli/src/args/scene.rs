@@ -6,7 +6,8 @@ use chiaro::scene::HeightMap;
 use clap::Args;
 
 use crate::values::{
-    FrameRange, GroundSize, Size, View, frames_per_second, seconds, terrain_metres, terrain_vertices,
+    FrameRange, GroundSize, Setting, Size, View, frames_per_second, seconds, terrain_metres,
+    terrain_vertices, values_of,
 };
 
 /// What is seen, and from where.
@@ -70,4 +71,21 @@ pub struct TimeArgs {
     /// The animation's moment at this many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
     pub time: f64,
+}
+
+/// How it is rendered.
+#[derive(Debug, Args)]
+pub struct SettingsArgs {
+    /// A preset to start from: its name, or a .ron file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub preset: Option<String>,
+    /// Change one setting (see `chiaro settings`); may be given many times, the last one counts
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<Setting>,
+    /// What all random choices start from; no technique of a frame makes any so far
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u32,
+    /// How surfaces meet light: the setting `pipeline` [default: what --set or the preset says]
+    #[arg(long, value_parser = values_of("pipeline"))]
+    pub pipeline: Option<String>,
 }
