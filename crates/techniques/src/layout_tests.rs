@@ -7,6 +7,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
+use crate::indirect::points::PointFacts;
 use crate::post::{AntialiasData, DebugInput};
 use crate::rays::refit::{NodeBox, RefitJob};
 use crate::reference::first_hit::FirstHitPass;
@@ -238,6 +239,8 @@ fn rust_structs_equal_their_wesl_twins() {
         aimed,
         reserved,
     );
+    let points = &linked("indirect/points/update.cs.wesl");
+    same!(points, PointFacts, "PointFacts", count, point_m2, reserved0, reserved1);
     let refit = &linked("rays/refit.cs.wesl");
     same!(refit, RefitJob, "RefitJob", node, own, children, pad);
     same!(refit, NodeBox, "NodeBox", lo, leaf_area, hi, area);

@@ -3,6 +3,7 @@
 //! the first surface is direct light, and in [`crate::environment`]; the technique says whether it is taken for a source.
 
 mod openness;
+pub mod points;
 
 pub use openness::{Openness, SkyView};
 

@@ -22,6 +22,7 @@ mod motion;
 mod moving;
 mod parts;
 mod pipelines;
+mod points;
 mod references;
 mod robust;
 mod seen;
