@@ -72,7 +72,6 @@ fn options(points: u32) -> PointOptions {
 fn points_go_where_their_triangles_go() {
     let scene = crate::motion::moving();
     for scene in [crate::motion::facetted(scene.clone()), scene] {
-        // More than a row of workgroups is only so with millions.
         let mut set = Set::new(&scene, options(5000));
         let at_rest = set.data.places(&scene, &scene.pose(0.0));
         for time_s in [0.0, 0.4, 1.0] {
@@ -120,6 +119,18 @@ fn a_pose_that_leaves_no_area_leaves_points_that_are_numbers() {
 fn a_scene_without_area_has_no_points() {
     let mut set = Set::new(&Scene::default(), options(64));
     assert_eq!(set.frame(), (Vec::new(), false));
+}
+
+#[test]
+fn points_that_fill_more_than_a_row_of_workgroups_are_all_found() {
+    let count = (1 << 21) + 100;
+    let scene = Stage::floor(0.5).scene;
+    let (points, _) = Set::new(&scene, options(count)).frame();
+    assert_eq!(points.len(), count as usize);
+    assert!(points.iter().all(|point| point.normal_ws.y > 0.99 && point.albedo.x > 0.4));
+    let mean =
+        points.iter().map(|point| point.position_ws.as_dvec3()).sum::<glam::DVec3>() / f64::from(count);
+    assert!(mean.length() < 1e-3, "{mean}");
 }
 
 /// Means of the albedos at x < 0 and x > 0.
