@@ -7,6 +7,8 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
+use crate::indirect::Vpl;
+use crate::indirect::ism::IsmData;
 use crate::post::{AntialiasData, DebugInput};
 use crate::rays::refit::{NodeBox, RefitJob};
 use crate::reference::first_hit::FirstHitPass;
@@ -237,6 +239,25 @@ fn rust_structs_equal_their_wesl_twins() {
         end_lane,
         aimed,
         reserved,
+    );
+    let splat = &linked("indirect/ism/splat.cs.wesl");
+    same!(splat, Vpl, "Vpl", position_ws, normal, flux, subset);
+    same!(
+        splat,
+        IsmData,
+        "IsmData",
+        largest_m,
+        point_area_m2,
+        resolution,
+        points_per_vpl,
+        pool,
+        first,
+        tiles,
+        levels,
+        pull_threshold,
+        push_threshold,
+        pyramid,
+        bias,
     );
     let refit = &linked("rays/refit.cs.wesl");
     same!(refit, RefitJob, "RefitJob", node, own, children, pad);
