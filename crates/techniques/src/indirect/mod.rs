@@ -82,9 +82,9 @@ settings! {
         /// what is nearest. Free.
         pull_threshold as "pull_push.pull_threshold": f32 = 0.1, "of the distance", 0.0..=10.0, Uniform,
             only "indirect.technique=ism and indirect.pull_push.levels!=0";
-        /// How far behind the coarser level a texel may be before it is taken for a hole in what is in front, relative to that
-        /// level; doubles from level to level, and 0 fills only texels without points. Less closes more such holes and
-        /// makes blockers larger at their edges. Free.
+        /// How far behind all of the coarser level around it a texel must be to be taken for a hole in what is in front,
+        /// relative to that level; doubles from level to level, and 0 fills only texels without points. Less closes more such
+        /// holes, and more of the gaps that there are. Free.
         push_threshold as "pull_push.push_threshold": f32 = 0.2, "of the distance", 0.0..=10.0, Uniform,
             only "indirect.technique=ism and indirect.pull_push.levels!=0";
     }

@@ -8,14 +8,10 @@
 //!
 //! | step | reads | writes | by |
 //! | --- | --- | --- | --- |
-//! | [splat] | points, VPLs and their number | `ism_atlas`: u32, tile after tile | a workgroup a block of 64² texels, kept in its memory |
-//! | [pull] | `ism_atlas` | `ism_pyramid`: f32, levels from 1 on | the same |
-//! | [push] | `ism_pyramid` | `ism_atlas`, in place | the same |
+//! | splat | points, VPLs and their number | `ism_atlas`: u32, tile after tile | a workgroup a block of 64² texels, kept in its memory |
+//! | pull | `ism_atlas` | `ism_pyramid`: f32, levels from 1 on | the same |
+//! | push | `ism_pyramid` | `ism_atlas`, in place | the same |
 //! | picture, where asked for | `ism_atlas` | `ism_before`, `ism_after`: R32Float, metres, 0 = nothing | a lane a texel |
-//!
-//! [splat]: #splat
-//! [pull]: #pull-and-push
-//! [push]: #pull-and-push
 //!
 //! | input | format | space, unit |
 //! | --- | --- | --- |
@@ -27,39 +23,41 @@
 //! `lookup.wesl` answers whether a VPL sees a place: `ism_visibility`.
 //!
 //! # Splat
-//! The paraboloid map takes a direction ω of the hemisphere around z to p = ω.xy / (1 + ω.z) (Ritschel et al. 2008, §3.2, after
-//! Brabec et al. 2002), and solid angle to area by dA = dΩ / (1 + ω.z)². A point stands for A = scene area / points per VPL,
+//! The paraboloid map takes a direction ω of the hemisphere around z to p = ω.xy / (1 + ω.z) (Ritschel et al. 2008, after Brabec
+//! et al. 2002), and solid angle to area by dA = dΩ / (1 + ω.z)². A point stands for A = scene area / points per VPL,
 //! and is taken for a disc of that area that turns away by θ. From d it covers the cap of half-angle α,
 //!
 //! tan α = √(A |cos θ| / π) / d,  and in the map a circle of centre ω.xy / (ω.z + cos α), radius sin α / (ω.z + cos α),
 //!
 //! which for small α is α / (1 + ω.z), times R / 2 in texels. Texels whose centres are inside take part, and the centre's own
-//! always: a disc smaller than a texel is one texel large. Points lower than a tenth of the disc's radius √(A / π) over the
-//! VPL's plane are the VPL's own surface and left out.
+//! always: a disc smaller than a texel is one texel large. Each texel's depth is that of the disc's plane. Points lower than a
+//! tenth of the disc's radius √(A / π) over the VPL's plane are the VPL's own surface and left out.
 //!
 //! # Pull and push
-//! Pull (Marroquim et al. 2007, §3.1): a coarser texel is the mean of those of its four finer ones that hold anything and are no
-//! farther than 1 + t · 2^(l − 1) times the nearest, l the coarser level. Push (§3.2): an empty texel becomes the mean of the
-//! nearest four coarser ones with weights (9, 3, 3, 1) / 16 renormalised over those that hold anything; so does one farther than
-//! 1 + t' · 2^l times that mean, which is a surface seen through the gaps of a nearer one. Only what is behind is replaced:
-//! what is in front of its surroundings is a blocker's edge. Nothing beyond a tile's border takes part.
+//! Pull (Marroquim et al. 2007): a coarser texel is the mean of those of its four finer ones that hold anything and are no
+//! farther than 1 + t · 2^(l − 1) times the nearest, l the coarser level. Push: an empty texel becomes the mean of the
+//! nearest four coarser ones with weights (9, 3, 3, 1) / 16 renormalised over those that hold anything. So does one farther than
+//! 1 + t' · 2^l times the farthest of the four: a surface seen through the gaps of a nearer one. (Held against their mean,
+//! each level would add a rim to what is in front: a plate's shadow became 1.7 times as large with two levels, and 1.05 times
+//! so.) What is in front of its surroundings stays. Nothing beyond a tile's border takes part.
 //!
 //! # Limits
-//! - Depth is cut to 11 bits of mantissa, off by less than 2⁻¹² of itself once the middle of the step is taken.
-//! - What is nearer than the bias (a texel's width or a disc's radius, the larger) to a surface does not shadow it: contact
-//!   shadows are lost.
-//! - Filling makes blockers larger by up to about 2^(levels − 1) texels at their edges, and closes gaps as narrow; splats are
-//!   round and overlap.
-//! - Discs larger than a quarter of the tile across are drawn so large: blockers nearer than about √(A / π) are too small.
-//! - 0x1fff stands for "no point": where a block has 8,192 points, the last one's identity is lost.
+//! - Depth is cut to 11 bits of mantissa, off by at most 2⁻¹² of itself once the middle of the step is taken.
+//! - What is nearer than the bias (two texels' width and half a disc's radius) to a surface does not shadow it: contact shadows
+//!   are lost. Surfaces seen slanted still shadow themselves, and lose light.
+//! - Filling reaches up to 2^(levels + 1) − 2 texels beyond what is there into what is empty, and closes gaps as narrow as half of
+//!   that in what is in front.
+//! - No circle's radius is more than a quarter of the tile: blockers nearer than one to two of a disc's radius are too small.
+//! - 0x1fff stands for "no point", in filled texels: of a block of 8,192 points the last one's identity is lost.
 //! - An atlas is as large as a binding may be; what is larger is several atlases ([`IsmRoom::atlases`]), and more than
 //!   [`Ism::MOST_BYTES`] is refused.
 //!
 //! # Cost
-//! 1,024 VPLs of 8,000 points at 128²: atlas 64 MiB, two levels 20 MiB. Bytes: each of a tile's four blocks reads the points
-//! (131 MB from memory, 524 MB from caches), the atlas is written, read twice and written in part (≤ 268 MB), the levels
-//! written and read (42 MB): 441 MB, at 3.3 TB/s 0.13 ms. Operations: 33 M points to place at about 60 and at about 3
-//! texels each to test at 10, 2.3 Gflop, at 50 Tflop/s 0.05 ms. So bytes are the limit, with three dispatches of 6 µs.
+//! 4 bytes a texel, and for coarser levels up to a third more. 1,024 VPLs of 8,000 points at 128²: atlas 64 MiB, two levels
+//! 20 MiB. Bytes: points 131 MB (four times as much from caches, once for each block of a tile), the atlas written, read twice
+//! and written in part, at most 268 MB, the levels written and read 42 MB: 441 MB, at 3.3 TB/s 0.13 ms. Operations: 33 M times
+//! a point to place at about 80, 25 M texels to draw at 40, 17 M to fill at 40, together 4.3 Gflop, at 50 Tflop/s 0.09 ms. So
+//! bytes are the limit, and three dispatches of 6 µs.
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
@@ -93,8 +91,9 @@ const AFTER: ViewHint = ViewHint::scaled(
 
 /// Texels a side at most of a block that a workgroup keeps in its memory.
 const BLOCK: u32 = 64;
-/// How much nearer than a place something must be to shadow it, of a texel's width there or of a disc's radius.
-const BIAS: f32 = 1.0;
+
+/// As many workgroups as WebGPU lets start in a row.
+const MOST_VPLS: u32 = 65_535;
 
 /// What the passes know of an atlas; `atlas.wesl` holds its twin.
 #[repr(C)]
@@ -111,7 +110,7 @@ pub(crate) struct IsmData {
     pub(crate) pull_threshold: f32,
     pub(crate) push_threshold: f32,
     pub(crate) pyramid: u32,
-    pub(crate) bias: f32,
+    pub(crate) reserved: u32,
 }
 
 /// What is drawn.
@@ -148,7 +147,8 @@ impl IsmPlan {
     /// Lays them out on a device.
     ///
     /// # Errors
-    /// [`GpuError::TooLarge`] when they take more than [`Ism::MOST_BYTES`], or a tile more than a binding.
+    /// [`GpuError::TooLarge`] when they take more than [`Ism::MOST_BYTES`], a tile more than a binding, or they are more than
+    /// 65,535.
     pub fn new(gpu: &Gpu, settings: &IndirectSettings, vpls: u32) -> Result<Self, GpuError> {
         let limits = &gpu.limits;
         Self::within(limits.max_storage_buffer_binding_size.min(limits.max_buffer_size), settings, vpls)
@@ -162,24 +162,34 @@ impl IsmPlan {
         let resolution = settings.ism_resolution.texels();
         let levels = settings.levels.min(resolution.ilog2());
         let tile = 4 * u64::from(resolution).pow(2);
-        let plan =
-            Self { vpls: vpls.max(1), resolution, levels, tiles: (buffer_bytes / tile).min(65_535) as u32 };
-        let refused = |needed, limit| {
+        let plan = Self {
+            vpls: vpls.max(1),
+            resolution,
+            levels,
+            tiles: (buffer_bytes / tile).min(MOST_VPLS.into()) as u32,
+        };
+        let refused = |needed, limit, unit| {
             Err(GpuError::TooLarge {
                 what: format!("an atlas of {vpls} imperfect shadow maps of {resolution}²"),
                 needed,
                 limit,
-                unit: "bytes",
+                unit,
                 advice: "set a lower indirect.ism_resolution, or fewer virtual lights",
             })
         };
+        if vpls > MOST_VPLS {
+            return refused(vpls.into(), MOST_VPLS.into(), "workgroups");
+        }
         if plan.tiles == 0 {
-            return refused(tile, buffer_bytes);
+            return refused(tile, buffer_bytes, "bytes");
         }
         // As many each, so that the last is not left with a few.
         let atlases = plan.vpls.div_ceil(plan.tiles);
         let plan = Self { tiles: plan.vpls.div_ceil(atlases), ..plan };
-        if plan.bytes() > Ism::MOST_BYTES { refused(plan.bytes(), Ism::MOST_BYTES) } else { Ok(plan) }
+        if plan.bytes() > Ism::MOST_BYTES {
+            return refused(plan.bytes(), Ism::MOST_BYTES, "bytes");
+        }
+        Ok(plan)
     }
 
     /// Bytes of all atlases and levels.
@@ -337,7 +347,7 @@ impl Ism {
                 pull_threshold: settings.pull_threshold,
                 push_threshold: settings.push_threshold,
                 pyramid: plan.pyramid(),
-                bias: BIAS,
+                reserved: 0,
             };
             frame.upload(&atlas.uniform, &[data]);
             let [words, uniform] = atlas.binds();

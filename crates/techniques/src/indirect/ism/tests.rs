@@ -43,4 +43,6 @@ fn maps_larger_than_memory_are_refused_by_name() {
         "{message}"
     );
     assert!(IsmPlan::within(1 << 10, &settings, 1).is_err());
+    let many = IsmPlan::within(1 << 30, &self::settings(IsmResolution::Side32, 0), 65_536);
+    assert!(many.unwrap_err().to_string().contains("allows 65535"));
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::culling::Random;
-use chiaro_testkit::device;
+use chiaro_testkit::{device, device_guaranteed};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -97,15 +97,20 @@ fn drawn(resolution: u32, points: &[Point], vpl: &Vpl, (point_area, largest): (f
             continue;
         }
         let (d, w) = (to.length(), to.normalize());
-        let cosine = (local * point.normal).dot(w).abs();
+        let normal = local * point.normal;
+        let cosine = normal.dot(w).abs();
         let alpha = half_angle_tan(point_area, cosine, d).min(0.5 * (1.0 + w.z)).atan();
         let half = 0.5 * resolution as f32;
         let centre = (w.truncate() / (w.z + alpha.cos()) + 1.0) * half;
         let radius = alpha.sin() / (w.z + alpha.cos()) * half;
-        let word = (d / largest).min(1.0).to_bits() >> 12 << 13 | index;
+        let reach = (point_area / PI).sqrt().min(0.5 * d);
         for (i, texel) in (0..).zip(&mut tile) {
             let at = Vec2::new((i % resolution) as f32, (i / resolution) as f32);
             if (at + 0.5).distance(centre) <= radius || at == centre.floor() {
+                let along = normal.dot(direction(resolution, at + 0.5));
+                let plane = (normal.dot(to) / along).clamp(d - reach, d + reach);
+                let depth = if along.abs() > 1e-3 { plane } else { d };
+                let word = (depth / largest).min(1.0).to_bits() >> 12 << 13 | index;
                 *texel = word.min(*texel);
             }
         }
@@ -115,7 +120,7 @@ fn drawn(resolution: u32, points: &[Point], vpl: &Vpl, (point_area, largest): (f
 
 #[test]
 fn tiles_are_what_the_cpu_draws_wherever_their_blocks_of_points_begin() {
-    let gpu = device();
+    let gpu = device_guaranteed();
     let (points, area) = scatter(&walls(), 100, 5);
     // Three blocks of 150 points, and a fourth that goes on with the first.
     let axis = |x: f32, y: f32, z: f32| Vec3::new(x, y, z).normalize();
@@ -130,7 +135,6 @@ fn tiles_are_what_the_cpu_draws_wherever_their_blocks_of_points_begin() {
         let settings = IndirectSettings { points_per_vpl: 150, ..settings(resolution, 0) };
         let rig = Rig::new(&gpu, settings, (&points, area, 4.0), &vpls);
         let side = resolution.texels();
-        // As they come back from eight bits an axis.
         let words = rig.words();
         let mut wrong = 0;
         for (vpl, tile) in vpls.iter().zip(words.chunks(side.pow(2) as usize)) {
@@ -171,21 +175,44 @@ fn a_point_covers_the_solid_angle_of_its_disc() {
 #[test]
 fn a_plane_of_points_covers_its_share_of_the_hemisphere() {
     let gpu = device();
+    let side = 128;
     for d in [0.5, 1.0, 2.0] {
-        // 2 × 2 m, whose corners are seen √3 · 1 m away from 1 m.
         let plane = [Vec3::new(0.0, 0.0, d), Vec3::X, Vec3::Y];
         let (points, area) = scatter(&[plane], 4000, 1);
-        let rig = Rig::new(
+        let mut rig = Rig::new(
             &gpu,
-            IndirectSettings { points_per_vpl: 4000, ..settings(IsmResolution::Side128, 2) },
+            IndirectSettings { points_per_vpl: 4000, ..settings(IsmResolution::Side128, 0) },
             (&points, area, 4.0),
             &[vpl(Vec3::ZERO, Vec3::Z, 0)],
         );
-        // Van Oosterom & Strackee, a rectangle seen from its axis.
+        // A rectangle seen from its axis.
         let expected = 4.0 * (1.0 / (d * (2.0 + d * d).sqrt())).atan();
-        let found = solid_angle(128, &rig.words());
-        assert!((found / expected - 1.0).abs() < 0.12, "from {d} m: {found} should be {expected}");
+        let words = rig.words();
+        let share = solid_angle(side, &words) / expected;
+        assert!((0.7..1.04).contains(&share), "from {d} m: {share}");
+        // Where a texel's centre meets the plane, so far from its middle.
+        let off = |i: usize| {
+            let at = Vec2::new((i as u32 % side) as f32, (i as u32 / side) as f32) + 0.5;
+            let w = direction(side, at);
+            (if w.z > 0.0 { (w * d / w.z).truncate().abs().max_element() } else { 1e9 }, w.z)
+        };
+        let radius = (area / 4000.0 / PI).sqrt();
+        for (i, word) in words.iter().enumerate() {
+            let (off, z) = off(i);
+            // Half a texel's diagonal, and both as they grow on a slanted plane.
+            let texel = 0.7072 * 2.0 * (1.0 + z) / side as f32 * d / z;
+            let reach = (texel.max(radius) + texel) / z;
+            assert!(*word == EMPTY || off < 1.0 + reach, "from {d} m: {off} is not on the plane");
+        }
+        rig.set(settings_of(&rig.settings, 2), 1);
+        let holes =
+            rig.words().iter().enumerate().filter(|(i, word)| **word == EMPTY && off(*i).0 < 1.0).count();
+        assert_eq!(holes, 0);
     }
+}
+
+fn settings_of(settings: &IndirectSettings, levels: u32) -> IndirectSettings {
+    IndirectSettings { levels, ..settings.clone() }
 }
 
 #[test]
