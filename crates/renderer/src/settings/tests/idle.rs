@@ -30,7 +30,7 @@ const COMBINATIONS: [&[(&str, &str)]; 17] = [
     &[("shadow.representation", "evsm2"), ("shadow.filter", "mip")],
     &[("shadow.representation", "evsm4"), ("shadow.filter", "none"), ("shadow.cascades", "1")],
     &[("shadow.representation", "moments"), ("shadow.filter", "gaussian")],
-    &[("indirect.technique", "ism"), ("indirect.pull_push.levels", "0")],
+    &[("indirect.technique", "ism")],
 ];
 
 /// A sun, a point and a spot light.

@@ -38,15 +38,15 @@
 //! farther than 1 + t · 2^(l − 1) times the nearest, l the coarser level. Push: an empty texel becomes the mean of the
 //! nearest four coarser ones with weights (9, 3, 3, 1) / 16 renormalised over those that hold anything. So does one farther than
 //! 1 + t' · 2^l times the farthest of the four: a surface seen through the gaps of a nearer one. (Held against their mean,
-//! each level would add a rim to what is in front: a plate's shadow became 1.7 times as large with two levels, and 1.05 times
-//! so.) What is in front of its surroundings stays. Nothing beyond a tile's border takes part.
+//! each level would add a rim to what is in front: with two levels a plate's shadow became 1.7 times as large as it is, and 1.06
+//! times so.) What is in front of its surroundings stays. Nothing beyond a tile's border takes part.
 //!
 //! # Limits
 //! - Depth is cut to 11 bits of mantissa, off by at most 2⁻¹² of itself once the middle of the step is taken.
 //! - What is nearer than the bias (two texels' width and half a disc's radius) to a surface does not shadow it: contact shadows
 //!   are lost. Surfaces seen slanted still shadow themselves, and lose light.
-//! - Filling reaches up to 2^(levels + 1) − 2 texels beyond what is there into what is empty, and closes gaps as narrow as half of
-//!   that in what is in front.
+//! - Filling reaches up to 2^(levels + 1) − 2 texels beyond what is there into what is empty, and closes gaps narrower than
+//!   2^levels texels in what is in front, whether they are gaps between points or real.
 //! - No circle's radius is more than a quarter of the tile: blockers nearer than one to two of a disc's radius are too small.
 //! - 0x1fff stands for "no point", in filled texels: of a block of 8,192 points the last one's identity is lost.
 //! - An atlas is as large as a binding may be; what is larger is several atlases ([`IsmRoom::atlases`]), and more than
