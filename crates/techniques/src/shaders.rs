@@ -44,8 +44,17 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("environment/prefilter.cs.wesl"),
     shader!("environment/project.cs.wesl"),
     shader!("frame/frame.wesl"),
+    shader!("indirect/ism/atlas.wesl"),
+    shader!("indirect/ism/lookup.wesl"),
+    shader!("indirect/ism/paraboloid.wesl"),
+    shader!("indirect/ism/picture.cs.wesl"),
+    shader!("indirect/ism/pull.cs.wesl"),
+    shader!("indirect/ism/push.cs.wesl"),
+    shader!("indirect/ism/pyramid.wesl"),
+    shader!("indirect/ism/splat.cs.wesl"),
     shader!("indirect/points/point.wesl"),
     shader!("indirect/points/update.cs.wesl"),
+    shader!("indirect/vpl.wesl"),
     shader!("light/froxels.wesl"),
     shader!("light/grid.cs.wesl"),
     shader!("light/incoming.wesl"),
@@ -145,6 +154,10 @@ pub fn library() -> Library {
 /// every entry file stands here.
 pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
+        "indirect/ism/picture.cs.wesl",
+        "indirect/ism/pull.cs.wesl",
+        "indirect/ism/push.cs.wesl",
+        "indirect/ism/splat.cs.wesl",
         "light/grid.cs.wesl",
         "environment/halve.cs.wesl",
         "environment/prefilter.cs.wesl",

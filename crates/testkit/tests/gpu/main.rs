@@ -14,6 +14,7 @@ mod follow;
 mod ggx_sun;
 mod goldens;
 mod host;
+mod ism;
 mod light_paths;
 mod lights;
 mod log;

@@ -65,11 +65,11 @@ fn is_black(image: &Image) -> bool {
 #[test]
 fn parts_add_up_to_the_picture_whatever_is_seen_and_shown() {
     let gpu = device();
-    for map in [false, true] {
-        let (stage, view) = everything(map);
-        for settings in pipelines(&[]) {
+    for settings in pipelines(&[]) {
+        let mut studio = Studio::new(&gpu, settings.clone());
+        for map in [false, true] {
             let what = format!("{:?}, map {map}", settings.pipeline);
-            let mut studio = Studio::new(&gpu, settings.clone());
+            let (stage, view) = everything(map);
             let scene = studio.load(&stage.scene);
             let (picture, parts) = studio.parts(&scene, &view, SIZE, (3, false));
             let off = nmae(&added(&parts), &picture);
@@ -91,9 +91,10 @@ fn parts_add_up_to_the_picture_whatever_is_seen_and_shown() {
                 assert!(is_black(&shown[1 - part]), "{what}, {show}");
             }
 
-            studio.set(preset_direct(settings));
+            studio.set(preset_direct(settings.clone()));
             let (picture, parts) = studio.parts(&scene, &view, SIZE, (3, false));
             assert!(nmae(&parts[0], &picture) <= 1e-6 && is_black(&parts[1]), "{what}, preset direct");
+            studio.set(settings.clone());
         }
     }
 }
