@@ -1,15 +1,18 @@
 //! The flags of every subcommand, and their help.
 
+mod compare;
+mod reference;
+mod scene;
+
 use std::path::PathBuf;
 
-use chiaro::scene::HeightMap;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::values::{
-    FrameRange, GroundSize, Setting, Size, View, blur_px, chart_output, frames_per_second, positive,
-    radiance_output, render_output, seconds, share, some_seconds, terrain_metres, terrain_vertices,
-    values_of,
-};
+pub use compare::{CompareArgs, JudgeArgs, SweepArgs};
+pub use reference::{Integrator, MergeArgs, ReferenceArgs};
+pub use scene::{SceneArgs, TimeArgs};
+
+use crate::values::{Setting, blur_px, chart_output, frames_per_second, positive, render_output, values_of};
 
 /// Real-time shadows, indirect light and caustics, measured against path-traced truth
 #[derive(Debug, Parser)]
@@ -18,8 +21,7 @@ use crate::values::{
     version,
     arg_required_else_help = true,
     after_help = "Example:\n  chiaro render builtin:nave -o nave.png\n\n\
-                  `chiaro COMMAND --help` has an example for each command.\n\
-                  Exit status: 0 done, 1 the work failed, 2 wrong usage."
+                  `chiaro COMMAND --help` has examples. Exit status: 0 done, 1 the work failed, 2 wrong usage."
 )]
 pub struct Cli {
     /// What to do
@@ -57,27 +59,11 @@ Examples:
 H shows the keys. Scene files can be dropped onto the window.")]
     View(ViewArgs),
     /// Trace a scene's light: the truth that real-time pictures are measured against
-    #[command(after_help = "\
-Examples:
-  chiaro reference builtin:cornell --spp 256 -o cornell.exr
-  chiaro reference room.glb --camera 1 --max-depth 3 --spp 64 -o room.bounce1.exr
-  chiaro reference room.glb --target-error 0.5% --time-limit 3600 --resume -o room.exr
-  chiaro reference builtin:pool --integrator full --spp 256 -o pool.exr
-  chiaro reference builtin:dancer --frames 0..192 --fps 24 --spp 256 -o truth/dancer.exr
-
-The goal that comes first ends the render. Ctrl-C stops it, too, and nothing is lost: the file holds
-all samples so far (and is written about every minute), and --resume goes on from it. Beside the
-picture (R, G, B in nits) the EXR has the layers variance (of each pixel's mean, nits^2), samples,
-and the sums to go on from.
-
-Paths from the camera alone find no light of lamps without extent that mirrors or smooth glass send
-on to a surface (caustics): --integrator full adds them by paths from the lights, four samples at a
-time on a GPU, so that N is rounded up. What moves stands still while it is traced.
-
---frames traces moments of an animation to numbered images, truth/dancer.0000.exr and so on, each the
-same as one of its --time: --spp, --time-limit and --target-error are each image's. --resume keeps
-those that are done and goes on with the one that was begun.")]
+    #[command(after_help = reference::HELP)]
     Reference(ReferenceArgs),
+    /// Add up the parts of a reference that many machines traced
+    #[command(after_help = reference::MERGE_HELP)]
+    Merge(MergeArgs),
     /// Measure how long each pass of a frame takes on this machine
     #[command(after_help = "\
 Examples:
@@ -94,6 +80,48 @@ folder of -o, and measures with 2048x2048 maps rendered every frame.
 tells the median, the 99th percentile and the maximum of each pass and of the whole frame; -o draws
 every frame's time.")]
     Bench(BenchArgs),
+    /// Hold techniques against the truth side by side: errors, noise, GPU time, memory
+    #[command(after_help = "\
+Examples:
+  chiaro compare builtin:nave -o report/
+  chiaro compare room.glb --technique default --technique soft:shadow.filter=pcss --part direct -o report/
+  chiaro compare room.glb --technique mine.ron --technique paths:2 --seeds 8 --size 1920x1080 -o report/
+  chiaro compare builtin:flight --frames 0..48 --fps 24 --size 640x360 -o flight/
+  chiaro compare room.glb --reference bounce1.exr --minus direct.exr --part indirect -o report/
+
+A technique T is a preset, a .ron file, label:key=value,key=value (preset=NAME among the keys), or
+paths:MS, the program's own path tracer given so many milliseconds of GPU time, at least one sample a
+pixel, its irradiance filtered along edges (paths:MS:raw: not filtered). Light that paths bring to the
+part alone is traced: caustics by paths from the lights.
+
+Parts of the light: direct reaches its first surface unhindered, from lamps, glowing meshes, environment
+or sky, or is seen itself; caustics came through mirrors and smooth glass alone, then met one surface
+that scatters; indirect was scattered before. Together they are the picture.
+
+The truth is traced by the program itself to --target-error, a picture's mean absolute error over its
+mean, and kept in the folder $CHIARO_CACHE, else in the user's folder for caches (on Linux
+~/.cache/chiaro), by all that it depends on; delete what you like of it. How good it is was measured on
+two halves that know nothing of each other.
+
+The folder gets results.json, results.csv, and for the truth and each technique a picture in nits (.exr),
+the same as seen at one exposure (.png), and where it is too dark (blue) and too bright (red)
+(.error.png). Figures are means over seeds, pictures those of the first. bias = sqrt(MSE - variance) and
+noise = sqrt(variance) are shares of the truth's mean, from two seeds on; the truth's own noise counts
+in neither. Two runs give the same figures; only times differ.")]
+    Compare(CompareArgs),
+    /// Measure every combination of settings, a row each, in a file that may be gone on with
+    #[command(after_help = "\
+Examples:
+  chiaro sweep builtin:nave --vary shadow.filter=pcf,pcss --vary shadow.resolution=1024,2048 -o rows.jsonl
+  chiaro sweep builtin:nave room.glb --vary preset=default,fast --vary size=640x360,1280x720 -o rows.jsonl
+  parallel chiaro sweep room.glb --vary shadow.cascades=1,2,3,4 --shard {}/2 -o rows.{}.jsonl ::: 1 2
+
+Keys are those of `chiaro settings`, and preset, size and samples. A row of JSON has the columns of
+`chiaro compare`'s results.csv, the varied values and an id; it is written whole. Rows that stand in the
+file are skipped, so that a sweep may be killed and started again. Settings that do not go together make
+a row that says so (`refused`). What says what is there (surface.lighting, surface.normal_maps,
+environment.*) is varied in the truth, too. Sweeps side by side on one device disturb each other's times.")]
+    Sweep(SweepArgs),
     /// Measure how far image A is from the reference image B
     #[command(after_help = "\
 Examples:
@@ -140,55 +168,6 @@ them is marked.")]
     Info(ListArgs),
 }
 
-/// What is seen, and from where.
-#[derive(Clone, Debug, Args)]
-pub struct SceneArgs {
-    /// A .glb, .gltf or .obj file, or builtin:NAME (see `chiaro scenes`)
-    #[arg(value_name = "SCENE")]
-    pub scene: Option<String>,
-    /// Which scene of a file that holds several, by its number from 0 or by its name [default: the file's own choice]
-    #[arg(long = "scene", value_name = "INDEX|NAME")]
-    pub scene_in_file: Option<String>,
-    /// Terrain in the scene's place
-    #[command(flatten)]
-    pub terrain: TerrainArgs,
-    /// The image's width and height in pixels [default: 1280x720; `bench --suite shadows`: 800x600]
-    #[arg(long, value_name = "WxH")]
-    pub size: Option<Size>,
-    /// A camera of the scene, by its number from 0 or by its name [default: the first]; its near plane counts, and the far
-    /// plane of an orthographic one: perspective cameras see to infinity
-    #[arg(long, value_name = "INDEX|NAME", conflicts_with = "view")]
-    pub camera: Option<String>,
-    /// A camera of your own: its position and target in metres, and its vertical field of view in degrees; its near
-    /// plane follows from the size of what is looked at
-    #[arg(long, value_name = "x,y,z,tx,ty,tz,yfov_deg", allow_hyphen_values = true)]
-    pub view: Option<View>,
-    /// A Radiance HDR or EXR picture of the surroundings (latitude-longitude), which lights the scene
-    #[arg(long, value_name = "FILE")]
-    pub environment: Option<PathBuf>,
-    /// Refuse a scene file whose textures or material libraries are missing or broken, instead of warning and going on
-    /// without them
-    #[arg(long)]
-    pub strict: bool,
-}
-
-/// Terrain from a picture of its heights, under a sun and a clear sky.
-#[derive(Clone, Debug, Args)]
-pub struct TerrainArgs {
-    /// Instead of a scene: terrain from a grey picture of 8 or 16 bits, black at height 0, its top away from the viewer
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "scene_in_file"])]
-    pub height_map: Option<PathBuf>,
-    /// The terrain's extent along X and Z in metres [default: as the picture is shaped, the longer side 100]
-    #[arg(long, value_name = "X,Z", requires = "height_map", allow_hyphen_values = true)]
-    pub size_m: Option<GroundSize>,
-    /// The height of white in metres [default: a tenth of the longer side]
-    #[arg(long, value_name = "H", requires = "height_map", allow_negative_numbers = true, value_parser = terrain_metres)]
-    pub height_m: Option<f32>,
-    /// Vertices along each side of the terrain
-    #[arg(long, value_name = "N", requires = "height_map", default_value_t = HeightMap::DEFAULT_VERTICES, allow_negative_numbers = true, value_parser = terrain_vertices)]
-    pub vertices: usize,
-}
-
 /// How it is rendered.
 #[derive(Debug, Args)]
 pub struct SettingsArgs {
@@ -204,20 +183,6 @@ pub struct SettingsArgs {
     /// How surfaces meet light: the setting `pipeline` [default: what --set or the preset says]
     #[arg(long, value_parser = values_of("pipeline"))]
     pub pipeline: Option<String>,
-}
-
-/// Which moments of an animation are shown.
-#[derive(Clone, Debug, Args)]
-pub struct TimeArgs {
-    /// The frames A, A+1, … B-1 of the animation, to numbered images
-    #[arg(long, value_name = "A..B", conflicts_with = "time")]
-    pub frames: Option<FrameRange>,
-    /// Frames per second of the animation
-    #[arg(long, value_name = "F", default_value_t = 30.0, allow_negative_numbers = true, value_parser = frames_per_second, requires = "frames", conflicts_with = "time")]
-    pub fps: f64,
-    /// The animation's moment at this many seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = seconds)]
-    pub time: f64,
 }
 
 /// `chiaro render`
@@ -262,63 +227,6 @@ pub struct ViewArgs {
     /// Shaders (.wesl) that take the place of the built-in ones and are read again whenever they change [default: crates/techniques/src, where there is one]
     #[arg(long, value_name = "FOLDER")]
     pub shaders: Option<PathBuf>,
-}
-
-/// `chiaro reference`
-#[derive(Debug, Args)]
-pub struct ReferenceArgs {
-    /// The scene
-    #[command(flatten)]
-    pub scene: SceneArgs,
-    /// The image to write: scene radiance in nits
-    #[arg(short, long, value_name = "FILE", value_parser = radiance_output)]
-    pub output: PathBuf,
-    /// Samples per pixel, those resumed from included: four times as many halve the noise [default: 64; without limit where --time-limit or --target-error is given]
-    #[arg(long, value_name = "N", value_parser = positive)]
-    pub spp: Option<u32>,
-    /// Stop after so many seconds of tracing, each image of --frames by itself
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = some_seconds)]
-    pub time_limit: Option<f64>,
-    /// Stop once a pixel's estimated standard error, averaged over the image, is this share of the image's mean: 0.01 or 1%
-    #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = share)]
-    pub target_error: Option<f64>,
-    /// Go on from the output file where there is one, or from the numbered images of --frames; the image is, bit for bit,
-    /// that of a render without a break
-    #[arg(long)]
-    pub resume: bool,
-    /// Which paths of light are traced
-    #[arg(long, value_enum, default_value_t = Integrator::Path)]
-    pub integrator: Integrator,
-    /// Most edges of a path: 1 shows what glows, 2 direct light, 3 one bounce; 0 is no limit
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub max_depth: u32,
-    /// Most times that light goes from one scattering surface to another, mirrors and smooth glass not counted: 0 leaves
-    /// direct light and caustics [default: no limit]
-    #[arg(long, value_name = "N")]
-    pub diffuse_bounces: Option<u32>,
-    /// The moments
-    #[command(flatten)]
-    pub time: TimeArgs,
-    /// What all random choices start from; the same seed gives the same image
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u32,
-    /// Also write a part of the light (direct, indirect, caustics) or what the camera sees first (albedo, normal, depth) to STEM.NAME.exr; may be given many times
-    #[arg(long = "aov", value_name = "NAME")]
-    pub aovs: Vec<String>,
-    /// Change a setting that says what is there (surface.lighting, surface.normal_maps, environment.*)
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub set: Vec<Setting>,
-}
-
-/// Which paths of light `chiaro reference` traces.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Integrator {
-    /// From the camera: all light but that of lamps without extent over mirrors or through smooth glass
-    Path,
-    /// From the lights to surfaces that scatter, seen directly; mirrors and smooth glass are black
-    Photon,
-    /// Both, nothing twice: everything
-    Full,
 }
 
 /// `chiaro bench`
@@ -407,6 +315,8 @@ pub enum Heat {
     Flip,
     /// HDR-FLIP
     HdrFlip,
+    /// A-B relative to the mean of B: blue where A is too dark, red where it is too bright
+    Signed,
 }
 
 impl From<Heat> for chiaro_image::Heat {
@@ -415,6 +325,7 @@ impl From<Heat> for chiaro_image::Heat {
             Heat::Error => Self::Error,
             Heat::Flip => Self::Flip,
             Heat::HdrFlip => Self::HdrFlip,
+            Heat::Signed => Self::Signed,
         }
     }
 }

@@ -3,13 +3,16 @@
 use std::collections::BTreeMap;
 
 use anyhow::bail;
+use chiaro_lab::Machine;
+use chiaro_lab::files::write_json;
+use chiaro_lab::measure::{Measured, STEADY_FROM, at_sixty, measure};
+use chiaro_lab::session::by_key;
+use chiaro_lab::timings::{NO_TIMESTAMPS, Summary, summarise, table};
 use serde::Serialize;
 
 use crate::args::{BenchArgs, Suite};
-use crate::measure::{Measured, STEADY_FROM, at_sixty, measure};
-use crate::output::{WrongUsage, print, write_json};
-use crate::session::{Session, by_key, warn_of_idle};
-use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
+use crate::asked::{open, settings, tell_notes, warn_of_idle};
+use crate::output::{WrongUsage, print};
 use crate::{camera_path, suite};
 
 #[derive(Serialize)]
@@ -31,8 +34,8 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
     match args.suite {
         None if args.camera_path => return camera_path::run(args),
         None => {}
-        Some(Suite::Shadows) => return suite::shadows::run(args),
-        Some(Suite::Reference) => return suite::reference::run(args),
+        Some(Suite::Shadows) => return suite::shadows(args),
+        Some(Suite::Reference) => return suite::reference(args),
     }
     if let Some(path) = &args.output {
         let path = path.display();
@@ -41,9 +44,9 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
         )));
     }
     warn_of_idle(&args.settings)?;
-    let mut session = Session::open(&args.scene, &args.settings)?;
+    let mut session = open(&args.scene, settings(&args.settings)?)?;
     let measured = measure(&mut session, args.frames, at_sixty, || ())?;
-    session.tell_notes();
+    tell_notes(&session);
     let Measured { wall_ms_per_frame, objects_created_after_frame_3, memory_growth_bytes, timings } =
         measured;
     let summary = summarise(&timings);

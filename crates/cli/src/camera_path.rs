@@ -6,14 +6,17 @@ use std::fmt::Write as _;
 use anyhow::{Context, bail};
 use chiaro::FrameTimings;
 use chiaro::scene::Scene;
+use chiaro_lab::files::{bar, write_json};
+use chiaro_lab::measure::{Measured, WARM_UP, measure};
+use chiaro_lab::plot::{self, Curve, Panel};
+use chiaro_lab::session::by_key;
+use chiaro_lab::timings::{NO_TIMESTAMPS, Summary, Tail, rows, summarise_tails};
+use chiaro_lab::{Machine, Session};
 use serde::Serialize;
 
 use crate::args::BenchArgs;
-use crate::measure::{Measured, WARM_UP, measure};
-use crate::output::{WrongUsage, bar, print, write_json};
-use crate::plot::{self, Curve, Panel};
-use crate::session::{Session, by_key, warn_of_idle};
-use crate::timings::{Machine, NO_TIMESTAMPS, Summary, Tail, rows, summarise_tails};
+use crate::asked::{open, settings, tell_notes, warn_of_idle};
+use crate::output::{WrongUsage, print};
 use crate::values::extension;
 
 /// Frames of a path: timings are kept of all.
@@ -49,7 +52,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
         bail!(WrongUsage(format!("-o {}: the plot of a path is an .svg", path.display())));
     }
     warn_of_idle(&args.settings)?;
-    let mut session = Session::open(&args.scene, &args.settings)?;
+    let mut session = open(&args.scene, settings(&args.settings)?)?;
     let frames = frames(&session, args.fps)?;
     let progress = bar(u64::from(WARM_UP + frames), "along the path {bar:40} {pos}/{len} frames, {eta} left");
     // The warm-up comes from the path's end: what is kept from frame to frame is as old in the first one as in all others.
@@ -57,7 +60,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
     let time_s = |index: u32| frame(index) as f64 / args.fps;
     let measured = measure(&mut session, frames, time_s, || progress.inc(1))?;
     progress.finish_and_clear();
-    session.tell_notes();
+    tell_notes(&session);
     let Measured { wall_ms_per_frame, timings, .. } = measured;
     let summary = summarise_tails(&timings);
     let moments = moments(&timings, args.fps);

@@ -3,12 +3,13 @@
 use std::fmt::Write;
 
 use chiaro::{Effect, Field, Gpu, Settings, scene};
+use chiaro_lab::Machine;
+use chiaro_lab::session::open_gpu;
 use serde_json::json;
 
 use crate::args::{ListArgs, ListSettingsArgs};
+use crate::asked;
 use crate::output::{print, print_json};
-use crate::session::{self, open_gpu};
-use crate::timings::Machine;
 
 pub fn scenes(args: &ListArgs) -> anyhow::Result<()> {
     if args.json {
@@ -28,7 +29,7 @@ pub fn scenes(args: &ListArgs) -> anyhow::Result<()> {
 }
 
 pub fn settings(args: &ListSettingsArgs) -> anyhow::Result<()> {
-    let settings = session::settings(&args.settings)?;
+    let settings = asked::settings(&args.settings)?;
     let value = |field: &Field| settings.get(&field.key).unwrap_or_default();
     let cost = |effect| match effect {
         Effect::Uniform => "free to change",
@@ -71,7 +72,7 @@ pub fn settings(args: &ListSettingsArgs) -> anyhow::Result<()> {
 }
 
 pub fn run(args: &ListArgs) -> anyhow::Result<()> {
-    let gpu = open_gpu()?;
+    let gpu = open_gpu(&mut asked::tell)?;
     let machine = Machine::of(&gpu);
     if args.json {
         let features: Vec<_> = gpu

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use chiaro::{Aov, Gpu, Left, LeftOver, Pixels, Recorder, Samples, Settings};
 use chiaro_image::{Layers, write_layers};
+use chiaro_lab::Session;
 
 use crate::output::{WrongUsage, print};
-use crate::session::Session;
 
 /// Words of a buffer in a row of its picture.
 const ROW: usize = 256;

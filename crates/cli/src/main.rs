@@ -3,21 +3,19 @@
 //! Exit status: 0 done, 1 the work failed, 2 wrong usage.
 
 mod args;
+mod asked;
 mod bench;
 mod camera_path;
+mod compare;
 mod diff;
 mod frames;
 mod info;
 mod interrupt;
 mod left;
-mod measure;
 mod output;
-mod plot;
 mod reference;
 mod render;
-mod session;
 mod suite;
-mod timings;
 mod values;
 mod view;
 
@@ -53,7 +51,10 @@ fn run(command: &Command) -> anyhow::Result<()> {
         Command::Render(args) => render::run(args),
         Command::View(args) => view::run(args),
         Command::Reference(args) => reference::run(args),
+        Command::Merge(args) => reference::merge(args),
         Command::Bench(args) => bench::run(args),
+        Command::Compare(args) => compare::compare(args),
+        Command::Sweep(args) => compare::sweep(args),
         Command::Diff(args) => diff::run(args),
         Command::Scenes(args) => info::scenes(args),
         Command::Settings(args) => info::settings(args),

@@ -1,10 +1,7 @@
 //! Standard output: text for people, JSON for scripts.
 
 use std::io::{ErrorKind, Write, stdout};
-use std::path::Path;
 
-use anyhow::Context;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 /// Prints `text` as it is.
@@ -20,32 +17,6 @@ pub fn print(text: &str) -> anyhow::Result<()> {
 /// Prints one line of JSON.
 pub fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
     print(&(serde_json::to_string(value)? + "\n"))
-}
-
-/// A progress bar on standard error: hidden by itself where there is no terminal, and for work that is done before anyone
-/// could read it.
-pub fn bar(steps: u64, template: &str) -> ProgressBar {
-    let bar = ProgressBar::new(steps);
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
-    }
-    bar
-}
-
-/// Makes the folder of a file that is to be written.
-pub fn create_parent(path: &Path) -> anyhow::Result<()> {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    parent.map_or(Ok(()), |parent| {
-        std::fs::create_dir_all(parent)
-            .with_context(|| format!("cannot create the folder {}", parent.display()))
-    })
-}
-
-/// Writes a file of JSON; missing folders are made.
-pub fn write_json(path: &Path, value: &impl Serialize) -> anyhow::Result<()> {
-    create_parent(path)?;
-    std::fs::write(path, serde_json::to_string_pretty(value)? + "\n")
-        .with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// An error with its causes, on one line. A cause that the error's own words already hold is not said twice.
@@ -73,13 +44,8 @@ pub struct WrongUsage(pub String);
 
 /// Whether the command line is to blame, rather than a file, the device or the work.
 pub fn is_wrong_usage(error: &anyhow::Error) -> bool {
-    use chiaro::Error::{Combination, Nothing, Preset, SettingValue, UnknownSetting};
-    let setting = error.downcast_ref::<chiaro::Error>();
+    use chiaro_lab::is_usage;
     error.is::<WrongUsage>()
-        || matches!(
-            setting,
-            Some(
-                UnknownSetting { .. } | SettingValue { .. } | Combination(_) | Preset { .. } | Nothing { .. }
-            )
-        )
+        || error.downcast_ref::<chiaro_lab::Error>().is_some_and(chiaro_lab::Error::is_usage)
+        || error.downcast_ref::<chiaro::Error>().is_some_and(is_usage)
 }

@@ -1,27 +1,29 @@
 //! `chiaro reference`
 
 mod file;
+mod merge;
 mod progress;
+mod shards;
+mod sums;
 
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use chiaro::{FirstHit, Integrator, Recorder, Reference, ReferenceOptions};
+use chiaro_lab::session::counts_in_truth;
+use chiaro_lab::{Pace, Session, Tracing};
 
 use crate::args::{self, ReferenceArgs, SettingsArgs};
+use crate::asked;
 use crate::frames::{self, Moment};
 use crate::interrupt::Interrupt;
-use crate::output::print;
-use crate::session::{Session, Tracing};
+use crate::output::{WrongUsage, print};
 use crate::values::Setting;
-use file::Sums;
 use progress::Progress;
+use sums::Sums;
 
-/// How long the GPU may be busy with one dispatch, about: no watchdog or desktop notices.
-const BUSY: Duration = Duration::from_millis(50);
-/// Samples of single pixels that the first dispatch takes, with a GPU and without.
-const FIRST_WORK: [u64; 2] = [1 << 18, 1 << 14];
-const LEAST_WORK: u64 = 1 << 10;
+pub use merge::run as merge;
+
 /// Between two writings of what there is so far.
 const CHECKPOINT: Duration = Duration::from_mins(1);
 /// Where writing takes long, it takes no more than this share of the time.
@@ -30,10 +32,10 @@ const WRITING: u32 = 20;
 pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
     let first_hits = file::first_hits(args)?;
     let settings = SettingsArgs { preset: None, set: args.set.clone(), seed: args.seed, pipeline: None };
-    for Setting { key, .. } in args.set.iter().filter(|change| !file::counts(&change.key)) {
+    for Setting { key, .. } in args.set.iter().filter(|change| !counts_in_truth(&change.key)) {
         eprintln!("warning: --set {key} does nothing in a reference, which has no techniques");
     }
-    let mut session = Session::open_to_trace(&args.scene, &settings)?;
+    let mut session = asked::open_to_trace(&args.scene, asked::settings(&settings)?)?;
     if session.duration_s().is_none() && (args.time.frames.is_some() || args.time.time != 0.0) {
         eprintln!("note: nothing in this scene moves; every moment looks the same");
     }
@@ -56,8 +58,7 @@ pub fn run(args: &ReferenceArgs) -> anyhow::Result<()> {
 struct Tracer {
     reference: Reference,
     recorder: Recorder,
-    /// What a dispatch takes.
-    work: u64,
+    pace: Pace,
     interrupt: Interrupt,
 }
 
@@ -76,7 +77,7 @@ impl Tracer {
         }
         let recorder = Recorder::new(gpu, false);
         let interrupt = Interrupt::listen("writing what there is".to_owned())?;
-        Ok(Self { reference, recorder, work: FIRST_WORK[usize::from(gpu.is_software())], interrupt })
+        Ok(Self { reference, recorder, pace: Pace::new(gpu), interrupt })
     }
 
     /// Goes on to the next image, with trees that follow.
@@ -111,7 +112,24 @@ fn options(args: &ReferenceArgs) -> ReferenceOptions {
         max_depth: args.max_depth,
         diffuse_bounces: args.diffuse_bounces.unwrap_or(u32::MAX),
         seed: args.seed,
+        shard: args.shard.unwrap_or_default(),
     }
+}
+
+/// Samples to trace, of a shard its own; `None`: something else ends the render.
+fn samples_of(args: &ReferenceArgs, round: u32) -> anyhow::Result<Option<u32>> {
+    let Some(whole) = progress::samples(args) else { return Ok(None) };
+    let Some(shard) = args.shard else { return Ok(Some(whole)) };
+    let own = shard.samples_of(whole, round);
+    if own == 0 {
+        let (rounds, least) = (whole.div_ceil(round), u64::from(round) * u64::from(shard.number));
+        bail!(WrongUsage(format!(
+            "--shard {}/{}: nothing is left for it of --spp {whole}, which is {rounds} rounds of {round}; trace {least} \
+             samples or more, or fewer shards",
+            shard.number, shard.of
+        )));
+    }
+    Ok(Some(own))
 }
 
 /// Traces one image to its end and writes it.
@@ -121,19 +139,21 @@ fn trace(
     session: &Session<Tracing>,
     tracer: &mut Tracer,
 ) -> anyhow::Result<()> {
-    let Tracer { reference, recorder, work, interrupt } = tracer;
+    let Tracer { reference, recorder, pace, interrupt } = tracer;
     let Session { gpu, scene, size, .. } = session;
     let output = moment.path(&args.output);
     let mut about = file::about(args, moment.time_s, session, reference);
     let resumed = args.resume && output.exists();
     let timed_out = if resumed { file::resume(&output, &about, *size, reference)? } else { None };
     let first = reference.samples();
-    let label = moment.number.map_or(String::new(), |number| {
+    let shard = args.shard.map_or(String::new(), |shard| format!("shard {} of {}, ", shard.number, shard.of));
+    let frame = moment.number.map_or(String::new(), |number| {
         format!("frame {number} ({} of {}), ", done + 1, frames::count(&args.time))
     });
     // An image of many has had its time; one alone is given more whenever it is asked for.
     let timed_out = timed_out.filter(|_| moment.number.is_some());
-    let mut progress = Progress::new(args, label, (first, timed_out));
+    let most = samples_of(args, reference.round())?;
+    let mut progress = Progress::new(args, most, format!("{frame}{shard}"), (first, timed_out));
     let (mut saved, mut pause) = (Instant::now(), CHECKPOINT);
     let mut tracing = Duration::ZERO;
     loop {
@@ -150,17 +170,8 @@ fn trace(
             Sums::read(gpu, reference)?.write(&output, &about)?;
             (saved, pause) = (Instant::now(), CHECKPOINT.max(WRITING * begun.elapsed()));
         }
-        let begun = Instant::now();
-        let mut frame = recorder.begin();
-        let recorded = reference.refine(&mut frame, scene, *work, samples + progress.room(samples));
-        frame.submit();
-        recorder.wait()?;
-        tracing += begun.elapsed();
-        if begun.elapsed() < BUSY / 2 && recorded >= *work / 2 {
-            *work = work.saturating_mul(2);
-        } else if begun.elapsed() > 2 * BUSY {
-            *work = (*work / 2).max(LEAST_WORK);
-        }
+        let most = samples + progress.room(samples);
+        tracing += pace.refine(recorder, (&mut *reference, scene), most)?;
     }
     progress.finish();
     let samples = reference.samples();
@@ -178,7 +189,9 @@ fn trace(
     }
     let path = output.display();
     if interrupt.heard() && !progress.is_done(samples) {
-        bail!("interrupted: {path} holds {samples} samples a pixel; the same command with --resume goes on");
+        bail!(
+            "interrupted: {path} holds {shard}{samples} samples a pixel; the same command with --resume goes on"
+        );
     }
     let took = tracing.as_secs_f64();
     let each = match args.integrator {
@@ -191,5 +204,5 @@ fn trace(
     } else {
         "nothing to add, ".to_owned()
     };
-    print(&format!("{path}  {samples} spp, {speed}noise {:.2} %\n", 100.0 * sums.noise()?))
+    print(&format!("{path}  {shard}{samples} spp, {speed}noise {:.2} %\n", 100.0 * sums.noise()?))
 }

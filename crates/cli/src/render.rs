@@ -5,14 +5,17 @@ mod video;
 use std::path::{Path, PathBuf};
 
 use chiaro::techniques::post::Smoothing;
-use chiaro::{Aov, Gpu, LeftOver, Pixels, Readback, Recorder, Still, StillOptions};
-use chiaro_image::{Image, Picture, Precision, write_exr, write_png};
+use chiaro::{Aov, Gpu, LeftOver, Readback, Recorder, Still, StillOptions};
+use chiaro_image::{Precision, write_exr, write_png};
+use chiaro_lab::files::{bar, create_parent, write_json};
+use chiaro_lab::pictures::{mean, screen};
+use chiaro_lab::timings::{NO_TIMESTAMPS, Summary, summarise, table};
+use chiaro_lab::{Machine, Session};
 use serde::Serialize;
 
 use crate::args::RenderArgs;
-use crate::output::{bar, create_parent, print, write_json};
-use crate::session::{Session, settings, warn_of_idle};
-use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise, table};
+use crate::asked::{open, settings, tell_notes, warn_of_idle};
+use crate::output::print;
 use crate::values::extension;
 use crate::{frames, left};
 use video::{Format, Video};
@@ -28,7 +31,7 @@ struct TimingsFile<'a> {
 
 pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
     if args.aovs.iter().any(|name| name == "list") {
-        return left::list(&mut Session::open(&args.scene, &args.settings)?);
+        return left::list(&mut open(&args.scene, settings(&args.settings)?)?);
     }
     let (aovs, left) = left::names(&args.aovs)?;
     let format = Format::of(args)?;
@@ -41,7 +44,7 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
         // Samples are averaged, not frames.
         settings.post.antialias = Smoothing::None;
     }
-    let mut session = Session::open_as(&args.scene, settings)?;
+    let mut session = open(&args.scene, settings)?;
     let options = StillOptions { size: session.size, samples, aovs, moving, left };
     let mut recorder = Recorder::new(&session.gpu, true);
     if session.duration_s().is_none() && (args.time.frames.is_some() || args.time.time != 0.0) {
@@ -65,7 +68,7 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
             Some(video) => {
                 let gpu = &session.gpu;
                 let beside = write_beside(gpu, (still.aovs, still.left), still.samples, &path)?;
-                video.add(&picture(&still.picture.wait(gpu)?)?)?;
+                video.add(&screen(&still.picture.wait(gpu)?)?)?;
                 [vec![args.output.clone()], beside].concat()
             }
         };
@@ -81,7 +84,7 @@ pub fn run(args: &RenderArgs) -> anyhow::Result<()> {
         print(&format!("{}\n", path.display()))?;
     }
     recorder.wait()?;
-    session.tell_notes();
+    tell_notes(&session);
     report((args, samples), &session, &mut recorder)
 }
 
@@ -110,7 +113,7 @@ fn report(
 }
 
 /// Writes a still, and returns its file and those beside it that hold what its frames left behind.
-pub fn write(gpu: &Gpu, still: Still, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+fn write(gpu: &Gpu, still: Still, path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     create_parent(path)?;
     if extension(path) == "exr" {
         let mut radiance = still.radiance.wait(gpu)?;
@@ -120,16 +123,10 @@ pub fn write(gpu: &Gpu, still: Still, path: &Path) -> anyhow::Result<Vec<PathBuf
         }
         write_exr(path, &mean(&radiance, still.samples)?, Precision::Float)?;
     } else {
-        write_png(path, &picture(&still.picture.wait(gpu)?)?)?;
+        write_png(path, &screen(&still.picture.wait(gpu)?)?)?;
     }
     let beside = write_beside(gpu, (still.aovs, still.left), still.samples, path)?;
     Ok([vec![path.to_owned()], beside].concat())
-}
-
-/// What a screen shows.
-fn picture(pixels: &Pixels) -> anyhow::Result<Picture> {
-    let rgb = pixels.bytes.chunks_exact(4).flat_map(|rgba| [rgba[0], rgba[1], rgba[2]]).collect();
-    Ok(Picture::from_bytes(pixels.width, pixels.height, rgb)?)
 }
 
 /// Writes what was asked for beside a picture, and returns the files that hold what its frames left behind.
@@ -149,14 +146,4 @@ fn write_beside(
         beside.extend(left::write(gpu, path, left, samples)?);
     }
     Ok(beside)
-}
-
-pub fn mean(sum: &Pixels, samples: u32) -> anyhow::Result<Image> {
-    let share = 1.0 / samples.max(1) as f32;
-    let pixels = sum
-        .floats()
-        .chunks_exact(4)
-        .map(|rgba| [rgba[0] * share, rgba[1] * share, rgba[2] * share])
-        .collect();
-    Ok(Image::from_pixels(sum.width, sum.height, pixels)?)
 }

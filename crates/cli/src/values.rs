@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use chiaro::scene::HeightMap;
-use chiaro::{Kind, Settings};
+use chiaro::{Kind, Settings, Shard};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
 /// The largest side of an image, the guaranteed limit of a 2D texture in WebGPU.
 const MAX_SIDE: u32 = 8192;
+/// More machines than anybody has.
+const MAX_SHARDS: u32 = 65_536;
 
 /// An image's size, written `1280x720`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -134,6 +136,25 @@ impl FromStr for Setting {
     }
 }
 
+/// A key and the values that it is to have, written `key=v1,v2`, or `key=v1;v2` of values with commas.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Vary(pub chiaro_lab::Vary);
+
+impl FromStr for Vary {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let Setting { key, value } = text.parse()?;
+        // Values may be lists themselves.
+        let separator = if value.contains(';') { ';' } else { ',' };
+        let values: Vec<_> = value.split(separator).map(|value| value.trim().to_owned()).collect();
+        if values.iter().any(String::is_empty) {
+            return Err("a value is missing; write KEY=V1,V2, or KEY=V1;V2 of values with commas".to_owned());
+        }
+        Ok(Self(chiaro_lab::Vary { key, values }))
+    }
+}
+
 /// The values of a setting that is a choice, with their meanings.
 pub fn values_of(key: &str) -> PossibleValuesParser {
     let field = Settings::fields().iter().find(|field| field.key == key);
@@ -177,6 +198,15 @@ pub fn terrain_vertices(text: &str) -> Result<usize, String> {
 /// A whole number from 1.
 pub fn positive(text: &str) -> Result<u32, String> {
     text.parse().ok().filter(|number| *number > 0).ok_or_else(|| "write a whole number from 1".to_owned())
+}
+
+/// One of many parts of a reference, written `2/8`.
+pub fn shard(text: &str) -> Result<Shard, String> {
+    let parts = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+    let shard = parts.map(|(number, of)| Shard { number, of });
+    shard.filter(|shard| shard.of <= MAX_SHARDS && (1..=shard.of).contains(&shard.number)).ok_or_else(|| {
+        format!("write I/N, the I-th of N parts, I from 1 to N and N up to {MAX_SHARDS}, such as 2/8")
+    })
 }
 
 /// A standard deviation in pixels. The bound keeps the filter smaller than any image it makes sense on.
@@ -284,12 +314,33 @@ mod tests {
     }
 
     #[test]
+    fn a_shard_is_one_of_as_many_as_there_are() {
+        assert_eq!(shard("2/8"), Ok(Shard { number: 2, of: 8 }));
+        assert_eq!(shard("1/1"), Ok(Shard::default()));
+        for wrong in ["0/8", "9/8", "1/0", "-1/2", "2", "/", "1/2/3", "a/b", "1/65537", "1.5/2", ""] {
+            assert!(shard(wrong).is_err(), "{wrong} was taken");
+        }
+    }
+
+    #[test]
     fn a_setting_is_split_at_its_first_equals_sign() {
         let setting: Setting = "camera.tone_map=a=b".parse().unwrap();
         assert_eq!((setting.key.as_str(), setting.value.as_str()), ("camera.tone_map", "a=b"));
         for wrong in ["", "key", "=value", "key="] {
             assert!(wrong.parse::<Setting>().is_err(), "{wrong} was taken");
         }
+    }
+
+    #[test]
+    fn what_varies_is_a_list_of_values() {
+        let Vary(vary) = "shadow.filter = pcf, pcss".parse().unwrap();
+        assert_eq!(
+            (vary.key.as_str(), vary.values),
+            ("shadow.filter", vec!["pcf".to_owned(), "pcss".to_owned()])
+        );
+        let Vary(lists) = "shadow.splits=5,20;10,40".parse().unwrap();
+        assert_eq!(lists.values, ["5,20", "10,40"]);
+        assert!("shadow.filter=".parse::<Vary>().is_err() && "a=1,,2".parse::<Vary>().is_err());
     }
 
     #[test]

@@ -8,7 +8,7 @@ use chiaro_viewer::{Options, StartCamera};
 use crate::args::ViewArgs;
 use chiaro::scene::Source;
 
-use crate::session::{own_view, settings, source, warn_of_idle};
+use crate::asked::{own_view, settings, source, warn_of_idle};
 
 /// Where the shaders lie in a checkout of chiaro.
 const SOURCES: &str = "crates/techniques/src";

@@ -7,7 +7,9 @@ mod program;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output};
 
-use chiaro_image::{CompareOptions, Comparison, Image, Layers, Precision, read, read_layers, write_exr};
+use chiaro_image::{
+    CompareOptions, Comparison, Image, Layers, Precision, read, read_layers, write_exr, write_layers,
+};
 
 use program::text;
 
@@ -241,38 +243,49 @@ fn aovs_are_those_of_the_pictures() {
 }
 
 #[test]
-fn light_paths_are_resumed_and_told_apart_too() {
-    let (through, resumed) = (scratch("full_through.exr"), scratch("full_resumed.exr"));
-    let trace = |path: &Path, more: &[&str]| {
-        let scene = ["reference", "builtin:ball", "--size", "24x18", "--integrator", "full"];
-        let aovs = ["--aov", "direct", "--aov", "indirect", "--aov", "caustics"];
-        let output = ["-o", path.to_str().unwrap()];
-        let output = command(&[&scene, &aovs[..], &output, more].concat()).output().unwrap();
-        done(&output);
-    };
-    trace(&through, &["--spp", "8"]);
-    trace(&resumed, &["--spp", "4"]);
-    trace(&resumed, &["--spp", "8", "--resume"]);
-    let (file, again) = (read_layers(&through).unwrap(), read_layers(&resumed).unwrap());
-    assert_eq!(bits(&file), bits(&again));
-    assert_eq!(file.about["integrator"], "full");
+fn parts_of_the_light_are_resumed_and_are_the_picture_together() {
+    for integrator in ["path", "photon", "full"] {
+        let [through, resumed] =
+            ["through", "resumed"].map(|name| scratch(&format!("{integrator}_{name}.exr")));
+        let trace = |path: &Path, more: &[&str]| {
+            let scene = ["reference", "builtin:ball", "--size", "24x18", "--integrator", integrator];
+            let aovs = ["--aov", "direct", "--aov", "indirect", "--aov", "caustics"];
+            let output = ["-o", path.to_str().unwrap()];
+            let output = command(&[&scene, &aovs[..], &output, more].concat()).output().unwrap();
+            done(&output);
+        };
+        trace(&through, &["--spp", "8"]);
+        let file = read_layers(&through).unwrap();
+        assert_eq!(file.about["integrator"], integrator);
+        if integrator == "full" {
+            trace(&resumed, &["--spp", "4"]);
+            trace(&resumed, &["--spp", "8", "--resume"]);
+            assert_eq!(bits(&file), bits(&read_layers(&resumed).unwrap()));
+        }
 
-    let whole = read(&through).unwrap();
-    let parts = ["direct", "indirect", "caustics"]
-        .map(|aov| read(through.with_extension(format!("{aov}.exr"))).unwrap());
-    assert!(parts.iter().all(|part| part.pixels().iter().flatten().any(|value| *value > 0.0)));
-    let together = Image::from_fn(24, 18, |x, y| {
-        let [a, b, c] = [0, 1, 2].map(|part| parts[part].pixel(x, y));
-        [0, 1, 2].map(|i| a[i] + b[i] + c[i])
-    });
-    assert!(nmae(&together, &whole) < 1e-5);
+        let whole = read(&through).unwrap();
+        let parts = ["direct", "indirect", "caustics"]
+            .map(|aov| read(through.with_extension(format!("{aov}.exr"))).unwrap());
+        let lit = parts.each_ref().map(|part| part.pixels().iter().flatten().any(|value| *value > 0.0));
+        assert_eq!(lit, [true; 3], "{integrator}");
+        assert!(parts.iter().all(|part| part.pixels().iter().flatten().all(|value| *value >= 0.0)));
+        let together = Image::from_fn(24, 18, |x, y| {
+            let [a, b, c] = [0, 1, 2].map(|part| parts[part].pixel(x, y));
+            [0, 1, 2].map(|i| a[i] + b[i] + c[i])
+        });
+        assert!(nmae(&together, &whole) < 1e-5, "{integrator}: {}", nmae(&together, &whole));
+    }
 }
 
 #[test]
-fn paths_from_the_camera_tell_no_caustics_apart() {
-    let output = reference(&scratch("no.exr"), &["--aov", "caustics"]);
-    let error = text(&output.stderr);
-    assert!(output.status.code() == Some(2) && error.contains("--integrator full"), "{error}");
+fn sums_of_another_layout_are_not_gone_on_from() {
+    let path = scratch("older.exr");
+    done(&reference(&path, &["--spp", "1"]));
+    let mut file = read_layers(&path).unwrap();
+    file.about.remove("layout");
+    write_layers(&path, &file).unwrap();
+    let output = reference(&path, &["--spp", "2", "--resume"]);
+    assert!(failed(&output).contains("another version of chiaro"), "{}", text(&output.stderr));
 }
 
 #[test]

@@ -232,3 +232,14 @@ fn flags_that_do_not_go_with_sequences_are_wrong_usage() {
     wrong(&["--sequence", "--from", "x"], &["--from"]);
     wrong(&["--sequence", "--sequence"], &["--sequence"]);
 }
+
+#[test]
+fn a_black_reference_stops_only_where_it_counts() {
+    let images = |name, first| frames(name, &[("0.exr", first), ("1.exr", 1.0), ("2.exr", 1.0)]);
+    let (a, b) = (images("black_a", 1.0), images("black_b", 0.0));
+    let (found, notes) = json(&[&a, &b, "--from", "1"]);
+    assert!(notes.contains("frame 0 does not count") && notes.contains("black"), "{notes}");
+    assert_eq!(found["frames"].as_array().unwrap().len(), 2);
+    near(&found["all"]["flicker"], 0.0);
+    assert_fails(&chiaro(&["diff", "--sequence", &a, &b]), 1, &["frame 0", "black"]);
+}

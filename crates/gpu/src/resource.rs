@@ -104,8 +104,11 @@ impl Texture {
             wgpu::TextureViewDimension::D2
         };
         let dimension = if options.cube { wgpu::TextureViewDimension::Cube } else { flat };
-        let view = texture
-            .create_view(&wgpu::TextureViewDescriptor { dimension: Some(dimension), ..Default::default() });
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(dimension),
+            array_layer_count: options.layers.is_none().then_some(1),
+            ..Default::default()
+        });
         let attachable = options.usage.contains(wgpu::TextureUsages::RENDER_ATTACHMENT);
         let layers = if attachable { options.layers.unwrap_or(1) } else { 0 };
         let layer_views = (0..layers)
@@ -146,6 +149,13 @@ impl Texture {
             home: OnceLock::new(),
             pool,
         }))
+    }
+
+    /// An array's first layer as a plain texture, for what reads no arrays.
+    #[must_use]
+    pub fn first_layer(&self, name: &'static str) -> Self {
+        let options = TextureOptions { layers: None, ..*self.options() };
+        Self::with(name, self.life(), options, self.raw().clone(), None)
     }
 
     /// A host program's texture as an attachment: one layer's first mip, through a view of the host's in this format.

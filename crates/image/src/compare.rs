@@ -196,6 +196,16 @@ impl Comparison {
         }
     }
 
+    /// [`Metrics::relmse`] alone.
+    pub fn relmse(&self) -> f64 {
+        self.light().relmse
+    }
+
+    /// The factor that makes B's 99th percentile 0.9: what pictures of both are shown at.
+    pub fn exposure(&self) -> f64 {
+        0.9 / percentile(kept(&self.b, &self.keep), 0.99).max(1e-12)
+    }
+
     /// What errors of radiance are made of.
     pub(crate) fn light(&self) -> Light {
         let floor = (0.05 * self.reference_mean).powi(2);
@@ -262,7 +272,7 @@ impl Comparison {
 
     /// Maps values to 0–1, linear, exposed so that B's 99th percentile becomes 0.9.
     fn shown(&self) -> impl Fn(f64) -> f64 + Copy + Sync + use<> {
-        let exposure = 0.9 / percentile(kept(&self.b, &self.keep), 0.99).max(1e-12);
+        let exposure = self.exposure();
         move |value| (value * exposure).clamp(0.0, 1.0)
     }
 

@@ -4,7 +4,7 @@
 //! other channels (variance, sample counts…) stand beside them do no harm; [`crate::read_layers`] reads those. It may
 //! hold less, too: its data window is what it holds, its display window what it is a picture of.
 
-use std::io::Cursor;
+use std::io::{BufRead, Cursor};
 use std::path::Path;
 
 use exr::prelude::{
@@ -168,35 +168,8 @@ fn shown(
 
 /// Decodes everything in the bytes of an EXR file.
 pub(crate) fn decode_all(path: &Path, bytes: &[u8]) -> Result<Decoded, ImageError> {
-    let invalid = |problem: String, advice: &str| ImageError::Invalid {
-        path: path.to_owned(),
-        problem,
-        advice: advice.to_owned(),
-    };
-    let undecodable = |error: exr::error::Error| {
-        let problem = error.to_string();
-        if problem.contains("sampling") {
-            return invalid(
-                format!(
-                    "it has channels of fewer pixels than the picture ({problem}), as luminance-chroma files do"
-                ),
-                "write it again with the channels R, G and B",
-            );
-        }
-        invalid(
-            format!("not a readable EXR: {problem}"),
-            "the file is damaged, or of a kind that chiaro does not read (deep): write it again",
-        )
-    };
     // The header is checked before the decoder allocates what it promises.
-    let meta = MetaData::read_from_buffered(bytes, false).map_err(undecodable)?;
-    for header in &meta.headers {
-        let Vec2(width, height) = header.layer_size;
-        if width as u64 * height as u64 > MAX_PIXELS {
-            let problem = format!("{width}×{height} pixels, more than the {MAX_PIXELS} that chiaro reads");
-            return Err(invalid(problem, "crop it, or check whether the file is damaged"));
-        }
-    }
+    decode_header(path, bytes)?;
     exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -204,7 +177,39 @@ pub(crate) fn decode_all(path: &Path, bytes: &[u8]) -> Result<Decoded, ImageErro
         .all_layers()
         .all_attributes()
         .from_buffered(Cursor::new(bytes))
-        .map_err(undecodable)
+        .map_err(|error| undecodable(path, &error))
+}
+
+/// Decodes what stands before the pixels of an EXR file.
+pub(crate) fn decode_header(path: &Path, source: impl BufRead) -> Result<MetaData, ImageError> {
+    let meta = MetaData::read_from_buffered(source, false).map_err(|error| undecodable(path, &error))?;
+    for header in &meta.headers {
+        let Vec2(width, height) = header.layer_size;
+        if width as u64 * height as u64 > MAX_PIXELS {
+            let problem = format!("{width}×{height} pixels, more than the {MAX_PIXELS} that chiaro reads");
+            return Err(invalid(path, problem, "crop it, or check whether the file is damaged"));
+        }
+    }
+    Ok(meta)
+}
+
+fn invalid(path: &Path, problem: String, advice: &str) -> ImageError {
+    ImageError::Invalid { path: path.to_owned(), problem, advice: advice.to_owned() }
+}
+
+fn undecodable(path: &Path, error: &exr::error::Error) -> ImageError {
+    let problem = error.to_string();
+    if problem.contains("sampling") {
+        let few = format!(
+            "it has channels of fewer pixels than the picture ({problem}), as luminance-chroma files do"
+        );
+        return invalid(path, few, "write it again with the channels R, G and B");
+    }
+    invalid(
+        path,
+        format!("not a readable EXR: {problem}"),
+        "the file is damaged, or of a kind that chiaro does not read (deep): write it again",
+    )
 }
 
 /// How a file's channels become colours.

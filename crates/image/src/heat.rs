@@ -13,12 +13,17 @@ pub enum Heat {
     Flip,
     /// HDR-FLIP, from 0 (black) to 1 (white).
     HdrFlip,
+    /// A − B relative to the mean of B: blue where A is too dark, red where it is too bright, logarithmic from 1 % (black) to
+    /// 100 % on either side.
+    Signed,
 }
 
 /// Relative error at the dark end of the scale; smaller ones are as dark.
 const LEAST: f64 = 0.01;
 /// Decades from [`LEAST`] to the bright end.
 const DECADES: u32 = 3;
+/// Of a signed error, to either end.
+const SIGNED_DECADES: u32 = 2;
 
 impl Heat {
     /// Labels of the scale, at equal distances.
@@ -26,6 +31,7 @@ impl Heat {
         match self {
             Self::Error => &["1%", "10%", "100%", "1000%"],
             Self::Flip | Self::HdrFlip => &["0", "0.5", "1"],
+            Self::Signed => &["-100%", "-10%", "0", "10%", "100%"],
         }
     }
 
@@ -35,8 +41,23 @@ impl Heat {
             Self::Error => errors(comparison).map(position_of).collect(),
             Self::Flip => comparison.flip_map(),
             Self::HdrFlip => comparison.hdr_flip_map(),
+            Self::Signed => signed_errors(comparison).map(signed_position_of).collect(),
         }
     }
+
+    /// The colour of a place on the scale.
+    fn colour(self, position: f64) -> [u8; 3] {
+        ramp(if self == Self::Signed { &SIGNED_RAMP } else { &RAMP }, position)
+    }
+}
+
+/// A − B relative to the mean of B, on average over the colours.
+fn signed_errors(comparison: &Comparison) -> impl Iterator<Item = f64> {
+    let Comparison { a, b, reference_mean, .. } = comparison;
+    (0..comparison.keep.len()).map(move |index| {
+        let difference: f64 = a.iter().zip(b).map(|(a, b)| a[index] - b[index]).sum();
+        difference / 3.0 / reference_mean.abs()
+    })
 }
 
 /// |A−B| relative to the mean of B.
@@ -71,6 +92,9 @@ const RAMP: [[u8; 3]; 7] = [
     [255, 255, 255],
 ];
 
+/// From far too dark over right to far too bright, as bright on either side.
+const SIGNED_RAMP: [[u8; 3]; 5] = [[110, 225, 255], [20, 90, 230], [0, 0, 0], [205, 40, 30], [255, 200, 60]];
+
 /// Width and height of a glyph, and from one to the next.
 const GLYPH: (u32, u32) = (5, 7);
 const ADVANCE: u32 = 6;
@@ -90,14 +114,14 @@ impl Comparison {
             } else if self.bad[index] {
                 NOT_FINITE
             } else {
-                ramp(position)
+                heat.colour(position)
             };
             picture.set(index as u32 % width, index as u32 / width, colour);
         }
 
         let bar = full_width - 2 * MARGIN;
         for x in 0..bar {
-            let colour = ramp(x as f64 / (bar - 1) as f64);
+            let colour = heat.colour(x as f64 / (bar - 1) as f64);
             for y in 0..BAR_HEIGHT {
                 picture.set(MARGIN + x, bar_top + y, colour);
             }
@@ -124,13 +148,18 @@ fn position_of(error: f64) -> f64 {
     (error.max(LEAST) / LEAST).log10() / DECADES as f64
 }
 
-/// The ramp's colour at 0–1, clamped.
-fn ramp(position: f64) -> [u8; 3] {
-    let scaled = position.clamp(0.0, 1.0) * (RAMP.len() - 1) as f64;
-    let below = (scaled as usize).min(RAMP.len() - 2);
+/// Where a signed relative error is on the scale.
+fn signed_position_of(error: f64) -> f64 {
+    0.5 + 0.5 * (error.abs().max(LEAST) / LEAST).log10() / SIGNED_DECADES as f64 * error.signum()
+}
+
+/// A ramp's colour at 0–1, clamped.
+fn ramp(colours: &[[u8; 3]], position: f64) -> [u8; 3] {
+    let scaled = position.clamp(0.0, 1.0) * (colours.len() - 1) as f64;
+    let below = (scaled as usize).min(colours.len() - 2);
     let share = scaled - below as f64;
     let mix = |channel: usize| {
-        let (low, high) = (RAMP[below][channel] as f64, RAMP[below + 1][channel] as f64);
+        let (low, high) = (colours[below][channel] as f64, colours[below + 1][channel] as f64);
         (low + (high - low) * share).round() as u8
     };
     [mix(0), mix(1), mix(2)]
@@ -153,6 +182,7 @@ fn glyph(letter: char) -> [u8; GLYPH.1 as usize] {
         '1' => [0b00100, 0b01100, 0b00100, 0b00100, 0b00100, 0b00100, 0b01110],
         '5' => [0b11111, 0b10000, 0b11110, 0b00001, 0b00001, 0b10001, 0b01110],
         '.' => [0, 0, 0, 0, 0, 0b00100, 0b00100],
+        '-' => [0, 0, 0, 0b01110, 0, 0, 0],
         _ => [0b11001, 0b11010, 0b00010, 0b00100, 0b01000, 0b01011, 0b10011],
     }
 }
@@ -168,7 +198,7 @@ mod tests {
     }
 
     fn colour_of(error: f64) -> [u8; 3] {
-        ramp(position_of(error))
+        ramp(&RAMP, position_of(error))
     }
 
     #[test]
@@ -210,13 +240,24 @@ mod tests {
     }
 
     #[test]
+    fn a_signed_error_is_blue_where_too_dark_and_red_where_too_bright() {
+        let reference = Image::filled(3, 1, [1.0; 3]);
+        let image = Image::from_fn(3, 1, |x, _| [0.9 + 0.1 * x as f32; 3]);
+        let comparison = Comparison::new(&image, &reference, &CompareOptions::default()).unwrap();
+        let picture = comparison.heat_map(Heat::Signed);
+        let [dark, right, bright] = [0, 1, 2].map(|x| picture.pixel(x, 0));
+        // 10 % is halfway on either side.
+        assert_eq!((dark, right, bright), (SIGNED_RAMP[1], SIGNED_RAMP[2], SIGNED_RAMP[3]));
+    }
+
+    #[test]
     fn flip_has_a_scale_of_its_own() {
         let [black, white] = [0.0, 1.0].map(|value| Image::filled(4, 4, [value; 3]));
         let comparison = Comparison::new(&black, &white, &CompareOptions::default()).unwrap();
         let [error, flip, hdr] =
             [Heat::Error, Heat::Flip, Heat::HdrFlip].map(|heat| comparison.heat_map(heat).pixel(1, 1));
         // 100 % is two thirds up the logarithmic scale; black for white is as bad as FLIP gets but for its white of 0.9.
-        assert_eq!(error, ramp(2.0 / 3.0));
+        assert_eq!(error, ramp(&RAMP, 2.0 / 3.0));
         assert!(flip[2] > 200 && hdr[2] > 200, "{flip:?} {hdr:?}");
     }
 }

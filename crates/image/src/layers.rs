@@ -1,18 +1,18 @@
 //! EXR files that hold more than a picture: channels by name, and what the file tells of itself.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Cursor;
+use std::io::{BufReader, Cursor};
 use std::path::Path;
 
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{
-    AnyChannel, AnyChannels, FlatSamples, Image as ExrImage, Layer, LayerAttributes, SmallVec, Vec2,
-    WritableImage,
+    AnyChannel, AnyChannels, FlatSamples, Image as ExrImage, IntegerBounds, Layer, LayerAttributes, SmallVec,
+    Vec2, WritableImage,
 };
 
-use crate::exr_file::{ENCODING, decode_all, is_whole};
+use crate::exr_file::{ENCODING, decode_all, decode_header, is_whole};
 use crate::write::write_bytes;
 use crate::{Image, ImageError};
 
@@ -187,14 +187,39 @@ pub fn read_layers(path: impl AsRef<Path>) -> Result<Layers, ImageError> {
             samples => layers.insert(name, samples.values_as_f32().collect())?,
         }
     }
-    let own = layer.attributes.other.get(&utf8(ABOUT));
-    if let Some(AttributeValue::Text(text)) = own.or_else(|| file.attributes.other.get(&utf8(ABOUT))) {
-        // The library's own way to a string takes bytes for Latin-1.
-        let text = String::from_utf8_lossy(text.as_slice());
-        let lines = text.lines().filter_map(|line| line.split_once(": "));
-        layers.about = lines.map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
-    }
+    layers.about = about_in(&layer.attributes.other, &file.attributes.other);
     Ok(layers)
+}
+
+/// The same without any channel, from the beginning of the file alone.
+///
+/// # Errors
+/// As [`read_layers`].
+pub fn read_about(path: impl AsRef<Path>) -> Result<Layers, ImageError> {
+    let path = path.as_ref();
+    let read = |source| ImageError::Read { path: path.to_owned(), source };
+    let meta = decode_header(path, BufReader::new(fs::File::open(path).map_err(read)?))?;
+    let mut layers = Layers::default();
+    let Some(header) = meta.headers.first() else { return Ok(layers) };
+    let Vec2(width, height) = header.layer_size;
+    (layers.width, layers.height) = (width as u32, height as u32);
+    let bounds = IntegerBounds::new(header.own_attributes.layer_position, header.layer_size);
+    layers.is_part = bounds != header.shared_attributes.display_window;
+    layers.about = about_in(&header.own_attributes.other, &header.shared_attributes.other);
+    Ok(layers)
+}
+
+/// What stands in the attributes of a layer, or in those of its file.
+fn about_in(
+    layer: &HashMap<Text, AttributeValue>,
+    file: &HashMap<Text, AttributeValue>,
+) -> BTreeMap<String, String> {
+    let found = layer.get(&utf8(ABOUT)).or_else(|| file.get(&utf8(ABOUT)));
+    let Some(AttributeValue::Text(text)) = found else { return BTreeMap::new() };
+    // The library's own way to a string takes bytes for Latin-1.
+    let text = String::from_utf8_lossy(text.as_slice());
+    let lines = text.lines().filter_map(|line| line.split_once(": "));
+    lines.map(|(key, value)| (key.to_owned(), value.to_owned())).collect()
 }
 
 /// Text as UTF-8, which is what EXR files hold in practice; the library's own way panics beyond Latin-1.

@@ -18,6 +18,7 @@
 pub mod colour;
 mod compare;
 mod error;
+mod exact;
 mod exr_file;
 mod file;
 mod filter;
@@ -34,10 +35,11 @@ mod write;
 
 pub use compare::{CompareOptions, Comparison, Metrics};
 pub use error::ImageError;
+pub use exact::ExactSums;
 pub use exr_file::{Precision, write_exr};
 pub use file::read;
 pub use heat::Heat;
-pub use layers::{Layers, read_layers, write_layers};
+pub use layers::{Layers, read_about, read_layers, write_layers};
 pub use linear::{Image, MAX_PIXELS, Region};
 pub use picture::{Picture, write_png};
 pub use sequence::{ComparedFrame, FrameMetrics, Sequence, SequenceMetrics};

@@ -159,6 +159,11 @@ impl Sequence {
         })
     }
 
+    /// Says that there is no frame where one was due: what follows is no change to what came before.
+    pub fn skip(&mut self) {
+        self.before = None;
+    }
+
     /// Over all frames that count; `None` where there are none.
     pub fn metrics(&self) -> Option<SequenceMetrics> {
         let frames = self.frames as f64;

@@ -90,7 +90,7 @@ pub use loaded::LoadedScene;
 pub use moving::Sampling;
 pub use pipelines::FrameOutputs;
 pub use plan::{Built, Plan};
-pub use reference::{FirstHit, Integrator, Reference, ReferenceOptions};
+pub use reference::{FirstHit, Integrator, Reference, ReferenceOptions, Shard};
 pub use renderer::{Prepared, Renderer};
 pub use settings::{Pipeline, Settings};
 pub use still::{Still, StillOptions};

@@ -49,6 +49,13 @@ pub struct Still {
 }
 
 impl Renderer {
+    /// Lets the next still of a moving picture ([`StillOptions::moving`]) begin anew, as the first one did.
+    pub fn cut(&mut self) {
+        if let Some(state) = &mut self.still_view {
+            state.history.seen.cut();
+        }
+    }
+
     /// Renders a still; `progress` hears how many frames are done. Submits as it goes and never waits for the GPU;
     /// the result is read with [`Readback::poll`] or [`Readback::wait`].
     ///

@@ -10,6 +10,8 @@ use crate::{Environment, ImageData, Mesh, MorphTarget, Primitive, Scene};
 struct Fnv(u64);
 
 impl Fnv {
+    const NEW: Self = Self(0xcbf2_9ce4_8422_2325);
+
     fn bytes(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
@@ -36,11 +38,18 @@ impl Write for Fnv {
     }
 }
 
+/// A hash of a text, the same on every machine and in every version.
+pub fn text_hash(text: &str) -> u64 {
+    let mut hash = Fnv::NEW;
+    hash.bytes(text.as_bytes());
+    hash.0
+}
+
 impl Scene {
     /// A hash of everything that decides how the scene looks: equal scenes have equal ones, and two different ones
     /// practically never. The scene's own name, its cameras and warnings do not count.
     pub fn fingerprint(&self) -> u64 {
-        let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+        let mut hash = Fnv::NEW;
         let Self {
             name: _,
             origin_m: _,

@@ -25,6 +25,7 @@ mod validate;
 
 pub use asked::Source;
 pub use error::SceneError;
+pub use fingerprint::text_hash;
 pub use import::{Disk, Files, HeightMap, Limits, LoadOptions, Memory, load, load_from, load_with};
 pub use model::*;
 pub use pose::Pose;

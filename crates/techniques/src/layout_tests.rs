@@ -7,9 +7,9 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
-use crate::indirect::points::PointFacts;
 use crate::indirect::Vpl;
 use crate::indirect::ism::IsmData;
+use crate::indirect::points::PointFacts;
 use crate::post::{AntialiasData, DebugInput};
 use crate::rays::refit::{NodeBox, RefitJob};
 use crate::reference::first_hit::FirstHitPass;
@@ -190,7 +190,7 @@ fn rust_structs_equal_their_wesl_twins() {
         PathPass,
         "PathPass",
         size_px,
-        first_sample,
+        before,
         sample_count,
         max_depth,
         diffuse_bounces,
@@ -199,6 +199,8 @@ fn rust_structs_equal_their_wesl_twins() {
         rows,
         first_seen,
         seen_count,
+        step,
+        zero,
         reserved,
     );
     same!(
@@ -210,8 +212,8 @@ fn rust_structs_equal_their_wesl_twins() {
         sample_count,
         what,
         seed,
-        reserved0,
-        reserved1,
+        step,
+        before,
     );
     same!(
         &linked("reference/photon/trace.cs.wesl"),

@@ -123,6 +123,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shared/footprint.wesl"),
     shader!("shared/hash.wesl"),
     shader!("shared/oct.wesl"),
+    shader!("shared/pair.wesl"),
     shader!("transparency/behind.cs.wesl"),
     shader!("transparency/shade.cs.wesl"),
     shader!("view/barycentrics.wesl"),

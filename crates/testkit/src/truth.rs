@@ -59,4 +59,27 @@ impl Truth {
         let sum = need(self.reference.sum());
         image(&need(sum.wait(&self.gpu)), self.reference.samples())
     }
+
+    /// A sum by its name, with what its first float has lost: four numbers a pixel.
+    ///
+    /// # Panics
+    /// When there is none of that name, or the device fails.
+    pub fn total(&self, name: &str) -> Vec<f64> {
+        let mut total = Vec::new();
+        for (found, layer) in need(self.reference.read_layers()) {
+            let floats = need(layer.wait(&self.gpu)).floats();
+            if found == name {
+                total = floats.into_iter().map(f64::from).collect();
+            } else if found.strip_suffix(".low") == Some(name) {
+                total.iter_mut().zip(floats).for_each(|(total, low)| *total += f64::from(low));
+            }
+        }
+        assert!(!total.is_empty(), "no sum {name}");
+        total
+    }
+
+    /// Samples of every pixel.
+    pub fn samples(&self) -> u32 {
+        self.reference.samples()
+    }
 }

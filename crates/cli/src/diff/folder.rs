@@ -67,7 +67,9 @@ fn stem(path: &Path) -> Option<&str> {
 fn number(path: &Path) -> Option<u64> {
     let stem = stem(path).filter(|_| extension(path) == "exr")?;
     let name = stem.trim_end_matches(|c: char| c.is_ascii_digit());
-    let apart = name.is_empty() || name.ends_with(['.', '-', '_']);
+    // A dash after another mark is a sign: frames before 0 are no frames of an animation.
+    let is_signed = name == "-" || [".-", "--", "_-"].iter().any(|sign| name.ends_with(sign));
+    let apart = name.is_empty() || name.ends_with(['.', '-', '_']) && !is_signed;
     stem[name.len()..].parse().ok().filter(|_| apart)
 }
 
@@ -86,6 +88,9 @@ mod tests {
             ("a7.exr", None),
             ("a.exr", None),
             (".exr", None),
+            ("a-012.exr", Some(12)),
+            ("a.-001.exr", None),
+            ("-001.exr", None),
             ("a.99999999999999999999999.exr", None),
             ("a.٣.exr", None),
         ] {

@@ -5,15 +5,17 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use chiaro_image::{
-    CompareOptions, ComparedFrame, Comparison, FrameMetrics, Image, Sequence, SequenceMetrics, read,
+    CompareOptions, ComparedFrame, Comparison, FrameMetrics, Image, ImageError, Sequence, SequenceMetrics,
+    read,
 };
+use chiaro_lab::files::bar;
+use chiaro_lab::plot::{self, Curve, Panel};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::folder::Numbered;
 use crate::args::DiffArgs;
-use crate::output::{WrongUsage, bar, print, print_json};
-use crate::plot::{self, Curve, Panel};
+use crate::output::{WrongUsage, print, print_json};
 
 /// Frames measured at once: each takes about 150 bytes a pixel.
 const AT_ONCE: usize = 8;
@@ -110,6 +112,14 @@ fn measure(
     for some in numbers.chunks(AT_ONCE.min(rayon::current_num_threads())) {
         let frames: Vec<_> = some.par_iter().map(|&number| (number, frame(number))).collect();
         for (number, frame) in frames {
+            if let Err(error) = &frame
+                && number < from
+                && error.downcast_ref().is_some_and(|e| matches!(e, ImageError::NoReference { .. }))
+            {
+                eprintln!("note: frame {number} does not count, and is not measured: {error}");
+                sequence.skip();
+                continue;
+            }
             let metrics = frame.and_then(|frame| Ok(sequence.add(frame, number >= from)?));
             let metrics = metrics.with_context(|| format!("frame {number}"))?;
             rows.push(Row { frame: number, metrics });

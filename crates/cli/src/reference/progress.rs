@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
+use chiaro_lab::files::bar;
 use indicatif::ProgressBar;
 
 use crate::args::ReferenceArgs;
-use crate::output::bar;
 
 /// Samples a pixel where nothing says when to stop.
 const DEFAULT_SAMPLES: u32 = 64;
@@ -22,6 +22,12 @@ struct Limits {
     samples: Option<u32>,
     seconds: Option<f64>,
     error: Option<f64>,
+}
+
+/// Samples a pixel that end a render, of all shards together.
+pub fn samples(args: &ReferenceArgs) -> Option<u32> {
+    let endless = args.time_limit.is_some() || args.target_error.is_some();
+    args.spp.or((!endless).then_some(DEFAULT_SAMPLES))
 }
 
 /// A render on its way.
@@ -42,11 +48,14 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Of a render that has `first` samples already, and has been ended by a time limit, where there is one, that is to be
-    /// kept.
-    pub fn new(args: &ReferenceArgs, label: String, (first, timed_out): (u32, Option<f64>)) -> Self {
-        let endless = args.time_limit.is_some() || args.target_error.is_some();
-        let samples = args.spp.or((!endless).then_some(DEFAULT_SAMPLES));
+    /// Of a render to so many samples that has `first` already, and has been ended by a time limit, where there is one, that
+    /// is to be kept.
+    pub fn new(
+        args: &ReferenceArgs,
+        samples: Option<u32>,
+        label: String,
+        (first, timed_out): (u32, Option<f64>),
+    ) -> Self {
         let limits = Limits { samples, seconds: args.time_limit, error: args.target_error };
         let bar = bar(STEPS, "path tracing {bar:40} {msg}");
         let start = Instant::now();

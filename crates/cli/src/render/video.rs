@@ -7,10 +7,11 @@ use std::thread::JoinHandle;
 
 use anyhow::{Context, anyhow, bail};
 use chiaro_image::Picture;
+use chiaro_lab::files::create_parent;
 
 use crate::args::RenderArgs;
 use crate::interrupt::Interrupt;
-use crate::output::{WrongUsage, create_parent};
+use crate::output::WrongUsage;
 use crate::values::extension;
 
 const FFMPEG: &str = "ffmpeg";

@@ -20,11 +20,12 @@ use chiaro_techniques::shared::albedo_table::AlbedoTable;
 use glam::Vec3;
 
 pub use chiaro_techniques::reference::first_hit::FirstHit;
-pub use options::{Integrator, ReferenceOptions};
+pub use options::{Integrator, ReferenceOptions, Shard};
 
 use frame::{sky, write_frame};
 
 use crate::loaded::WHITE_STORED;
+use crate::renderer::{check_size, check_view};
 use crate::{Error, Kit, LoadedScene, Settings, View};
 
 /// Samples that share light paths: enough for lanes to balance long paths with short ones; where nothing is gathered within
@@ -150,7 +151,7 @@ impl Reference {
             noise: PathNoise::new(gpu, &kit.library)?,
             photons: photons.transpose()?,
             following,
-            sum: PathSum::new(gpu, [1; 2], needed),
+            sum: PathSum::new(gpu, [1; 2]),
             observer: None,
             observed: Vec::new(),
             options,
@@ -169,6 +170,8 @@ impl Reference {
         (view, size_px): (&View, [u32; 2]),
     ) -> Result<(), Error> {
         let gpu = &self.kit.gpu;
+        check_size(gpu, size_px)?;
+        check_view(view, size_px)?;
         let same_size = self.sum.size_px() == size_px;
         if let Some(photons) = &mut self.photons {
             let seen = PhotonView {
@@ -180,7 +183,7 @@ impl Reference {
             };
             match &mut photons.map {
                 Some(map) if same_size => map.view = seen,
-                map => *map = Some(PhotonMap::new(gpu, seen)?),
+                map => *map = Some(PhotonMap::new(gpu, seen, self.options.integrator == Integrator::Photon)?),
             }
             photons.lanes_done = 0;
         }
@@ -191,12 +194,27 @@ impl Reference {
         if same_size {
             self.sum.resume(0);
         } else {
-            self.sum = PathSum::new(gpu, size_px, self.photons.is_some());
+            self.sum = PathSum::new(gpu, size_px);
             for sum in &mut self.observed {
                 *sum = FirstHitSum::new(gpu, size_px, sum.what);
             }
         }
         Ok(())
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.kit.gpu
+    }
+
+    /// What is traced.
+    pub fn options(&self) -> ReferenceOptions {
+        self.options
+    }
+
+    /// Lets random choices start from another seed. To be followed by [`Reference::restart`] or [`Reference::restore`].
+    pub fn reseed(&mut self, seed: u32) {
+        self.options.seed = seed;
     }
 
     /// Starts the image again where the scene is now: `loaded` has taken another pose since. The trees follow, which is
@@ -334,18 +352,19 @@ impl Reference {
     /// Records one dispatch of at most about `work`, that of a pass over the image with `count` samples which begins, or of
     /// the one that is under way; returns its work.
     fn record(&mut self, frame: &mut Frame<'_>, loaded: &LoadedScene, count: u32, work: u64) -> u64 {
-        let ReferenceOptions { integrator, max_depth, diffuse_bounces, seed } = self.options;
+        let ReferenceOptions { integrator, max_depth, diffuse_bounces, seed, shard } = self.options;
         self.catch_up(frame, loaded);
         let scene = (self.frame_group.group(), &loaded.gpu);
         let target = (&self.traced, &self.emitters);
-        let (first, round) = (self.sum.samples(), self.round());
+        let (before, round) = (self.sum.samples(), self.round());
+        let (first, step) = shard.numbers(before, round);
         let (rows_done, under_way) = self.sum.rows_ahead();
         let alone = integrator == Integrator::Photon;
         if let Some(Photons { tracer, map: Some(map), lanes_done, .. }) = &mut self.photons
             && under_way == 0
             && *lanes_done < map.lanes()
         {
-            let options = PhotonOptions { max_depth, diffuse_bounces, seed, caustics_only: !alone };
+            let options = PhotonOptions { max_depth, diffuse_bounces, seed };
             let lanes = (work / u64::from(round)).clamp(u64::from(LEAST_LANES), u64::from(u32::MAX)) as u32;
             let end = lanes_done.saturating_add(lanes).min(map.lanes());
             let traced = u64::from(end - *lanes_done) * u64::from(round);
@@ -365,7 +384,8 @@ impl Reference {
         let row = u64::from(count) * u64::from(width);
         let bands = (work / (row * u64::from(BAND))).clamp(1, u64::from(u32::MAX / BAND)) as u32;
         let rows = (bands * BAND).min(height - rows_done);
-        self.tracer.record(frame, scene, target, path, (count, rows), (&mut self.sum, map));
+        let numbers = (first, step);
+        self.tracer.record(frame, scene, target, path, (numbers, (count, rows)), (&mut self.sum, map));
         // What is read between dispatches must be of whole passes, all of the same.
         if self.sum.rows_ahead().1 == 0 {
             if let Some(photons) = &mut self.photons {
@@ -373,7 +393,8 @@ impl Reference {
             }
             if let Some(observer) = &self.observer {
                 for sum in &mut self.observed {
-                    observer.record(frame, (scene.0, scene.1, &self.traced), seed, (first, count), sum);
+                    let traced = (scene.0, scene.1, &self.traced);
+                    observer.record(frame, traced, seed, numbers, (before, count), sum);
                 }
             }
         }
@@ -390,7 +411,7 @@ impl Reference {
         self.noise.buffer()
     }
 
-    /// Nits summed over [`Reference::samples`], and how much of the pixel surfaces cover.
+    /// Nits summed over [`Reference::samples`], and how much of the pixel surfaces cover, rounded.
     pub fn sum_texture(&self) -> &Texture {
         self.sum.sum()
     }
@@ -424,13 +445,14 @@ impl Reference {
         let (gpu, size_px) = (&self.kit.gpu, self.sum.size_px());
         (self.samples() == 0).then(|| {
             let observed = self.observed.iter().map(|sum| FirstHitSum::new(gpu, size_px, sum.what));
-            (PathSum::new(gpu, size_px, self.photons.is_some()), observed.collect())
+            (PathSum::new(gpu, size_px), observed.collect())
         })
     }
 
-    /// Everything that samples are added to, by names that stay: Rgba32Float, summed over samples. As all textures of sums,
-    /// they hold nothing of the image while [`Reference::samples`] is 0.
-    pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture)> {
+    /// Everything that samples are added to, by names that stay, as layers of textures: Rgba32Float, summed over samples.
+    /// What a sum has lost to rounding is in a layer of its name with `.low`, where it has one. As all textures of sums, they
+    /// hold nothing of the image while [`Reference::samples`] is 0.
+    pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture, u32)> {
         layers(&self.sum, &self.observed)
     }
 
@@ -441,7 +463,7 @@ impl Reference {
     pub fn read_layers(&self) -> Result<Vec<(&'static str, Readback)>, Error> {
         let empty = self.empty();
         let (sum, observed) = empty.as_ref().map_or((&self.sum, &self.observed), |(sum, of)| (sum, of));
-        let read = |(name, texture)| Ok((name, Readback::start(&self.kit.gpu, texture)?));
+        let read = |(name, texture, layer)| Ok((name, Readback::start_layer(&self.kit.gpu, texture, layer)?));
         layers(sum, observed).map(read).collect()
     }
 
@@ -452,7 +474,7 @@ impl Reference {
     /// # Errors
     /// When a layer is missing or of another size. Nothing has changed then.
     pub fn restore<L: AsRef<[f32]>>(&mut self, samples: u32, layers: &[(&str, L)]) -> Result<(), Error> {
-        let fitting = self.layers().map(|(name, texture)| {
+        let fitting = self.layers().map(|(name, texture, layer)| {
             let (_, texels) = layers
                 .iter()
                 .find(|(found, _)| *found == name)
@@ -466,10 +488,10 @@ impl Reference {
                     "its layer `{name}` has {found} values, not {needed}"
                 )));
             }
-            Ok((texture, texels))
+            Ok((texture, layer, texels))
         });
-        for (texture, texels) in fitting.collect::<Result<Vec<_>, _>>()? {
-            upload(&self.kit.gpu, texture, texels);
+        for (texture, layer, texels) in fitting.collect::<Result<Vec<_>, _>>()? {
+            upload(&self.kit.gpu, (texture, layer), texels);
         }
         self.sum.resume(samples);
         Ok(())
@@ -479,15 +501,18 @@ impl Reference {
 fn layers<'a>(
     sum: &'a PathSum,
     observed: &'a [FirstHitSum],
-) -> impl Iterator<Item = (&'static str, &'a Texture)> {
-    sum.layers().chain(observed.iter().map(|sum| (sum.what.layer(), sum.texture())))
+) -> impl Iterator<Item = (&'static str, &'a Texture, u32)> {
+    sum.layers().chain(observed.iter().map(|sum| (sum.what.layer(), sum.texture(), 0)))
 }
 
-/// Fills an Rgba32Float texture, whose usage holds `COPY_DST`.
-fn upload(gpu: &Gpu, texture: &Texture, texels: &[f32]) {
+/// Fills a layer of an Rgba32Float texture, whose usage holds `COPY_DST`.
+fn upload(gpu: &Gpu, (texture, layer): (&Texture, u32), texels: &[f32]) {
     let (width, height) = (texture.options().width, texture.options().height);
     gpu.queue.write_texture(
-        texture.raw().as_image_copy(),
+        wgpu::TexelCopyTextureInfo {
+            origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+            ..texture.raw().as_image_copy()
+        },
         bytemuck::cast_slice(texels),
         wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * width), rows_per_image: None },
         wgpu::Extent3d { width, height, depth_or_array_layers: 1 },

@@ -26,34 +26,6 @@ choice! {
         /// None: the light of lamps alone. Environment, sky and what glows are seen, straight and in what mirrors, but light
         /// nothing.
         None = "none",
-        /// Imperfect shadow maps. So far the same picture as ambient.
-        Ism = "ism",
-    }
-}
-
-choice! {
-    /// Texels a side of an imperfect shadow map.
-    pub enum IsmResolution {
-        /// 4 KiB each.
-        Side32 = "32",
-        /// 16 KiB each.
-        Side64 = "64",
-        /// 64 KiB each.
-        Side128 = "128",
-        /// 256 KiB each.
-        Side256 = "256",
-    }
-}
-
-impl IsmResolution {
-    /// How many.
-    pub fn texels(self) -> u32 {
-        match self {
-            Self::Side32 => 32,
-            Self::Side64 => 64,
-            Self::Side128 => 128,
-            Self::Side256 => 256,
-        }
     }
 }
 
@@ -64,30 +36,6 @@ settings! {
         /// as background and glow, and a stand-in for reflections shows the environment, or the sky's share that the eye
         /// sees, in metals and gloss.
         technique: Technique = Technique::Ambient, "", (), Uniform;
-        /// Texels a side of each virtual light's shadow map. More keeps smaller gaps and thinner blockers apart where there
-        /// are points enough, and takes 4 bytes a texel (a third more with pull-push) and as much bandwidth; points are read
-        /// once for every 64² texels.
-        ism_resolution: IsmResolution = IsmResolution::Side128, "texels", (), Resources,
-            only "indirect.technique=ism";
-        /// Points of the scene that are drawn into each shadow map. More make smaller discs, so that blockers keep their
-        /// shape, and cost 16 bytes to read and a disc to draw each; with few, maps are blobs.
-        points_per_vpl: u32 = 8000, "points", 1..=8192, Uniform,
-            only "indirect.technique=ism";
-        /// Coarser levels from which holes between points are filled; 0 fills none, and more than the map has count as all.
-        /// Each doubles the holes that are closed, and what is filled beyond a blocker's edge with them. The first costs most
-        /// of the time that all do.
-        levels as "pull_push.levels": u32 = 2, "levels", 0..=8, Resources,
-            only "indirect.technique=ism";
-        /// How far behind the nearest of four texels another may be to count for the coarser level, relative to the nearest;
-        /// doubles from level to level. More blends what is in front with what is behind, less leaves slanted surfaces with
-        /// what is nearest. Free.
-        pull_threshold as "pull_push.pull_threshold": f32 = 0.1, "of the distance", 0.0..=10.0, Uniform,
-            only "indirect.technique=ism and indirect.pull_push.levels!=0";
-        /// How far behind all of the coarser level around it a texel must be to be taken for a hole in what is in front,
-        /// relative to that level; doubles from level to level, and 0 fills only texels without points. Less closes more such
-        /// holes, and more of the gaps that there are. Free.
-        push_threshold as "pull_push.push_threshold": f32 = 0.2, "of the distance", 0.0..=10.0, Uniform,
-            only "indirect.technique=ism and indirect.pull_push.levels!=0";
     }
 }
 

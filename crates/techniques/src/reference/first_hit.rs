@@ -29,8 +29,8 @@ pub(crate) struct FirstHitPass {
     pub sample_count: u32,
     pub what: u32,
     pub seed: u32,
-    pub reserved0: u32,
-    pub reserved1: u32,
+    pub step: u32,
+    pub before: u32,
 }
 
 /// A quantity of the surface seen first, in the order of `first_hit.cs.wesl`.
@@ -116,14 +116,15 @@ impl FirstHitTracer {
         Ok(Self { pipeline, uniform })
     }
 
-    /// Adds `count` samples from number `first` on to every pixel. The frame's uniform must hold the camera without
-    /// jitter.
+    /// Adds `count` samples to the `before` that every pixel has, those of the numbers `first`, `first + step`, …. The
+    /// frame's uniform must hold the camera without jitter.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         (frame_group, scene, traced): (&Group, &SceneGpu, &TraceScene),
         seed: u32,
-        (first, count): (u32, u32),
+        (first, step): (u32, u32),
+        (before, count): (u32, u32),
         sum: &mut FirstHitSum,
     ) {
         let size = sum.texture().options();
@@ -134,15 +135,16 @@ impl FirstHitTracer {
             sample_count: count,
             what: sum.what as u32,
             seed,
-            ..FirstHitPass::zeroed()
+            step,
+            before,
         };
         frame.upload(&self.uniform, &[pass]);
-        let [before, after] = [sum.newest, 1 - sum.newest].map(|i| &sum.textures[i]);
+        let [old, new] = [sum.newest, 1 - sum.newest].map(|i| &sum.textures[i]);
         let binds = [
             ("first_hit_pass", (&self.uniform).into()),
-            ("sum_before", before.into()),
+            ("sum_before", old.into()),
             ("tracer", (&traced.words).into()),
-            ("sum", after.into()),
+            ("sum", new.into()),
         ];
         let pixels = Dispatch::Threads([size_px[0], size_px[1], 1]);
         let groups = [frame_group, scene.group()];

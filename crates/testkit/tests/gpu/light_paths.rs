@@ -18,7 +18,7 @@ fn options(integrator: Integrator) -> ReferenceOptions {
     ReferenceOptions { integrator, seed: 1, ..ReferenceOptions::default() }
 }
 
-fn glass(ior: f32) -> Material {
+pub(crate) fn glass(ior: f32) -> Material {
     Material { transmission: 1.0, roughness: 0.0, ior, thickness: 1.0, ..Material::default() }
 }
 
@@ -103,7 +103,7 @@ fn light_from_a_mirror_is_seen_in_the_mirror_too() {
 }
 
 /// A ball whose poles lie above and below.
-fn ball(radius: f32, material: usize) -> Mesh {
+pub(crate) fn ball(radius: f32, material: usize) -> Mesh {
     const RINGS: u32 = 96;
     let angle = |i: u32, of: u32| i as f32 / of as f32;
     let normals: Vec<_> = (0..=RINGS)

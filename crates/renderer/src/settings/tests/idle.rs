@@ -13,7 +13,7 @@ use crate::{LoadedScene, Renderer, StillOptions, View};
 const SIDE: &str = "128";
 
 /// Together they make every condition false once, and true.
-const COMBINATIONS: [&[(&str, &str)]; 17] = [
+const COMBINATIONS: [&[(&str, &str)]; 16] = [
     &[],
     &[("pipeline", "forward"), ("surface.msaa", "1"), ("shadow.transmission_tint", "true")],
     &[("shadow.layout", "none")],
@@ -30,7 +30,6 @@ const COMBINATIONS: [&[(&str, &str)]; 17] = [
     &[("shadow.representation", "evsm2"), ("shadow.filter", "mip")],
     &[("shadow.representation", "evsm4"), ("shadow.filter", "none"), ("shadow.cascades", "1")],
     &[("shadow.representation", "moments"), ("shadow.filter", "gaussian")],
-    &[("indirect.technique", "ism")],
 ];
 
 /// A sun, a point and a spot light.

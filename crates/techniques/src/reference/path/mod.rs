@@ -11,10 +11,12 @@
 //!
 //! | input | output | format | unit |
 //! | --- | --- | --- | --- |
-//! | frame, scene groups, `tracer`, `emitters` | sum | Rgba32Float | nits summed over samples; alpha sums coverage |
-//! | | squares | Rgba32Float | their squares, nits² |
-//! | | direct | Rgba32Float | the part of paths of one or two edges, nits |
-//! | photons | caustics | Rgba32Float | the part that light paths brought, nits |
+//! | frame, scene groups, `tracer`, `emitters`, photons | sum | Rgba32Float, a pair of them | nits summed over samples; alpha sums coverage |
+//! | | squares | the same | their squares, nits² |
+//! | | direct | the same | the part of light that is met, or that falls straight on the first surface that scatters, nits |
+//! | | caustics | the same | the part that comes to that surface through mirrors and smooth interfaces alone, nits |
+//!
+//! All are layers of one array ([`PathSum`]). What is left of the sum, light that was scattered before, is indirect.
 //!
 //! Limits: one medium around a path at a time. Samples are independent of how they are grouped and of which rows are traced
 //! together: the same seed gives the same image, bit for bit.
@@ -35,7 +37,6 @@ use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life};
 
-use self::sum::LAYERS;
 use crate::rays::{TraceFacts, TraceScene};
 use crate::reference::interfaces::Interfaces;
 use crate::reference::photon::PhotonMap;
@@ -47,7 +48,7 @@ use crate::shaders;
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct PathPass {
     pub size_px: [u32; 2],
-    pub first_sample: u32,
+    pub before: u32,
     pub sample_count: u32,
     pub max_depth: u32,
     pub diffuse_bounces: u32,
@@ -56,6 +57,8 @@ pub(crate) struct PathPass {
     pub rows: u32,
     pub first_seen: u32,
     pub seen_count: u32,
+    pub step: u32,
+    pub zero: u32,
     pub reserved: u32,
 }
 
@@ -109,15 +112,16 @@ impl PathTracer {
     }
 
     /// Adds `count` samples to the pixels of the next `rows` rows, from the top on; a pass over the image that is under way
-    /// goes on with the count that it began with. The frame's uniform must hold the camera without jitter. `photons` are
-    /// those of the same samples, for a tracer and a sum with photons.
+    /// goes on with the count that it began with. They are those of the numbers `first`, `first + step`, …, with photons one
+    /// after the other. The frame's uniform must hold the camera without jitter. `photons` are those of the same samples, for
+    /// a tracer with photons.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         (frame_group, scene): (&Group, &SceneGpu),
         (traced, emitters): (&TraceScene, &Emitters),
         options: PathOptions,
-        (count, rows): (u32, u32),
+        ((first, step), (count, rows)): ((u32, u32), (u32, u32)),
         (sum, photons): (&mut PathSum, Option<&PhotonMap>),
     ) {
         let size_px = sum.size_px();
@@ -132,11 +136,10 @@ impl PathTracer {
         } else {
             sum.under_way
         };
-        let first_seen =
-            (u64::from(sum.samples) * u64::from(seen_count) / u64::from(sum.under_way.max(1))) as u32;
+        let first_seen = (u64::from(first) * u64::from(seen_count) / u64::from(sum.under_way.max(1))) as u32;
         let pass = PathPass {
             size_px,
-            first_sample: sum.samples,
+            before: sum.samples,
             sample_count: sum.under_way,
             max_depth: options.max_depth,
             diffuse_bounces: options.diffuse_bounces,
@@ -145,18 +148,19 @@ impl PathTracer {
             rows,
             first_seen,
             seen_count,
+            step,
+            zero: 0,
             reserved: 0,
         };
         frame.upload(&self.uniform, &[pass]);
         let [before, after] = [sum.newest, 1 - sum.newest].map(|i| &sum.textures[i]);
-        let names = ["sum_before", "squares_before", "direct_before", "caustics_before"];
         let mut binds: Vec<Bind<'_>> = vec![
             ("path_pass", (&self.uniform).into()),
             ("tracer", (&traced.words).into()),
             ("emitters", (&emitters.words).into()),
+            ("sums_before", before.into()),
+            ("sums", after.into()),
         ];
-        binds.extend(names.into_iter().zip(before.iter().map(Into::into)));
-        binds.extend(LAYERS.into_iter().zip(after.iter().map(Into::into)));
         if let Some(map) = photons {
             binds.extend([("photon_pass", (&map.uniform).into()), ("photon_map", (&map.words).into())]);
         }

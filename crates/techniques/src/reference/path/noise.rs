@@ -59,8 +59,7 @@ impl PathNoise {
         );
         let binds = [
             ("noise_input", (&self.uniform).into()),
-            ("sum", sum.sum().into()),
-            ("squares", sum.squares().into()),
+            ("sums", sum.sums().into()),
             ("noise", (&self.noise).into()),
         ];
         frame.compute("reference/noise", &self.pipeline, &[], &binds, Dispatch::Groups([1; 3]));

@@ -3,14 +3,15 @@
 use chiaro_gpu::wgpu::{TextureFormat, TextureUsages};
 use chiaro_gpu::{Gpu, Life, Texture, TextureOptions};
 
-/// Names of an image's sums, in the order of their textures; the last is there with photons alone.
-pub(super) const LAYERS: [&str; 4] = ["sum", "squares", "direct", "caustics"];
+/// Names of an image's sums, in the order of their layers in `trace.cs.wesl`: that of the picture is a pair of floats.
+const SUMS: [&str; 5] = ["sum", "squares", "direct", "caustics", "sum.low"];
 
 /// Samples of an image so far.
 #[derive(Clone, Debug)]
 pub struct PathSum {
-    // Two of each layer that take turns.
-    pub(super) textures: [Vec<Texture>; 2],
+    // Two arrays that take turns, and the first layer of each.
+    pub(super) textures: [Texture; 2],
+    first: [Texture; 2],
     pub(super) newest: usize,
     pub(super) samples: u32,
     // Of the pass under way: rows that have its samples, and how many those are.
@@ -19,16 +20,17 @@ pub struct PathSum {
 }
 
 impl PathSum {
-    /// No samples; `photons`: with a layer for what light paths bring.
-    pub fn new(gpu: &Gpu, [width, height]: [u32; 2], photons: bool) -> Self {
+    /// No samples.
+    pub fn new(gpu: &Gpu, [width, height]: [u32; 2]) -> Self {
         let usage = TextureUsages::TEXTURE_BINDING
             | TextureUsages::STORAGE_BINDING
             | TextureUsages::COPY_SRC
             | TextureUsages::COPY_DST;
         let options = TextureOptions::new(width, height, TextureFormat::Rgba32Float, usage);
-        let names = &LAYERS[..if photons { 4 } else { 3 }];
-        let make = || names.iter().map(|name| Texture::new(gpu, name, Life::Kept, options)).collect();
-        Self { textures: [make(), make()], newest: 0, samples: 0, rows_done: 0, under_way: 0 }
+        let options = options.array(SUMS.len() as u32);
+        let textures = [0, 1].map(|_| Texture::new(gpu, "sums", Life::Kept, options));
+        let first = textures.each_ref().map(|sums| sums.first_layer("sum"));
+        Self { textures, first, newest: 0, samples: 0, rows_done: 0, under_way: 0 }
     }
 
     /// Width and height.
@@ -47,22 +49,24 @@ impl PathSum {
         (self.rows_done, if self.rows_done > 0 { self.under_way } else { 0 })
     }
 
-    /// Nits summed over samples, and coverage by surfaces in alpha.
+    /// Nits summed over samples, and coverage by surfaces in alpha: the first of [`PathSum::layers`] alone.
     pub fn sum(&self) -> &Texture {
-        &self.textures[self.newest][0]
+        &self.first[self.newest]
     }
 
-    /// Squares of the samples' nits, summed; with photons those of whole rounds, over the samples of a round.
-    pub fn squares(&self) -> &Texture {
-        &self.textures[self.newest][1]
+    /// All layers.
+    pub(super) fn sums(&self) -> &Texture {
+        &self.textures[self.newest]
     }
 
-    /// Everything that more samples are added to, by names that stay: Rgba32Float all.
-    pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture)> {
-        LAYERS.into_iter().zip(&self.textures[self.newest])
+    /// Everything that more samples are added to, by names that stay, as layers of a texture: Rgba32Float all. What
+    /// `sum.low` holds is to be added to `sum`, which is their sum rounded. Squares are those of the samples' nits; with
+    /// photons those of whole rounds, over the samples of a round.
+    pub fn layers(&self) -> impl Iterator<Item = (&'static str, &Texture, u32)> {
+        SUMS.into_iter().zip(0..).map(|(name, layer)| (name, self.sums(), layer))
     }
 
-    /// Says that the textures of [`PathSum::layers`] were filled with what so many samples left there.
+    /// Says that [`PathSum::layers`] were filled with what so many samples left there.
     pub fn resume(&mut self, samples: u32) {
         (self.samples, self.rows_done) = (samples, 0);
     }

@@ -6,7 +6,7 @@
 //! Jensen 2010), and the path tracer's paths gather those within a radius that shrinks from round to round (Knaus &
 //! Zwicker 2011, "Progressive Photon Mapping: A Probabilistic Approach"), so that the estimate converges.
 //!
-//! Alone ([`PhotonOptions::caustics_only`] is false) the light paths make the whole picture of surfaces that scatter;
+//! Alone (as [`PhotonMap::new`] is told) the light paths make the whole picture of surfaces that scatter;
 //! mirrors and glass stay black. Beside the path tracer they bring just the paths that leave mirrors and smooth interfaces
 //! for a surface that scatters, and the path tracer leaves those out: nothing counts twice.
 //!
@@ -18,7 +18,11 @@
 //! root of the rounds. A splat counts up to 2²² times what a white surface under the brightest light shows. Bent normals
 //! are corrected for as Veach (1997, §5.3.2) says, clamped where they graze.
 //!
-//! Limits: 64 bytes a pixel and a light path; larger pictures have fewer light paths than pixels.
+//! Splats are kept for each part of the light: `caustics`, what no surface has scattered before the one that is seen,
+//! `indirect`, and of light paths alone `direct`.
+//!
+//! Limits: beside the path tracer 48 bytes a pixel, and 40 a light path, of which larger pictures have fewer than pixels;
+//! alone 72 bytes a pixel.
 
 use std::f32::consts::PI;
 use std::ops::Range;
@@ -64,7 +68,7 @@ pub(crate) struct PhotonPass {
     pub reserved: u32,
 }
 
-/// Words of a pixel's splats, of a cell, and of a photon.
+/// Words of a pixel's splats of one part of the light, of a cell, and of a photon.
 const SPLAT_WORDS: u64 = 6;
 const CELL_WORDS: u64 = 2;
 const PHOTON_WORDS: u64 = 8;
@@ -101,19 +105,25 @@ pub struct PhotonMap {
     pub(crate) uniform: Buffer,
     /// Of the size that it was made for.
     pub view: PhotonView,
+    alone: bool,
     lanes: u32,
     cells: u32,
 }
 
 impl PhotonMap {
-    /// Room for the splats of a picture, and for as many light paths as it has pixels, or as fit.
+    /// Room for the splats of a picture, and for as many light paths as it has pixels, or as fit; `alone`: no path
+    /// tracer beside them brings what they would leave out.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] when the picture has too many pixels for the adapter.
-    pub fn new(gpu: &Gpu, view: PhotonView) -> Result<Self, GpuError> {
+    pub fn new(gpu: &Gpu, view: PhotonView, alone: bool) -> Result<Self, GpuError> {
         let pixels = u64::from(view.size_px[0]) * u64::from(view.size_px[1]);
-        let bytes =
-            |lanes: u64| 4 * (SPLAT_WORDS * pixels + CELL_WORDS * cells(lanes) + PHOTON_WORDS * lanes);
+        // Nothing gathers light paths that are alone.
+        let (parts, kept) = if alone { (3, 0) } else { (2, 1) };
+        let cells = |lanes: u64| kept * lanes.next_power_of_two();
+        let bytes = |lanes: u64| {
+            4 * (parts * SPLAT_WORDS * pixels + CELL_WORDS * cells(lanes) + kept * PHOTON_WORDS * lanes)
+        };
         let limit = gpu.limits.max_storage_buffer_binding_size;
         let mut lanes = pixels.clamp(LEAST_LANES, 1 << 22);
         while bytes(lanes) > limit && lanes > LEAST_LANES {
@@ -132,17 +142,13 @@ impl PhotonMap {
         let words = Buffer::new(gpu, "photons", Life::Kept, bytes(lanes), usage);
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let uniform = Buffer::new(gpu, "photon_pass", Life::Kept, size_of::<PhotonPass>() as u64, usage);
-        Ok(Self { words, uniform, view, lanes: lanes as u32, cells: cells(lanes) as u32 })
+        Ok(Self { words, uniform, view, alone, lanes: lanes as u32, cells: cells(lanes) as u32 })
     }
 
     /// Light paths for each sample of the picture.
     pub fn lanes(&self) -> u32 {
         self.lanes
     }
-}
-
-fn cells(lanes: u64) -> u64 {
-    lanes.next_power_of_two()
 }
 
 /// Which light paths.
@@ -154,8 +160,6 @@ pub struct PhotonOptions {
     pub diffuse_bounces: u32,
     /// What random numbers start from.
     pub seed: u32,
-    /// Only those that a path tracer beside them leaves out.
-    pub caustics_only: bool,
 }
 
 /// The pass.
@@ -199,7 +203,7 @@ impl PhotonTracer {
         // A radius' square falls like the product of (k + kept) / (k + 1), which goes as this power.
         let shrunk = (round + 1.0).powf(0.5 * (KEPT - 1.0)) as f32;
         // Paths that leave emitters for what is not there are none, and those that are left number all the same.
-        let aimed = if options.caustics_only { 1.0 } else { emitters.aimed };
+        let aimed = if map.alone { emitters.aimed } else { 1.0 };
         let paths = ((samples as f32 * aimed).ceil() as u32).clamp(1, samples.max(1));
         let before = u64::from(first / samples.max(1)) * u64::from(paths) * u64::from(map.lanes);
         // Another sequence each time that the numbers of paths begin anew.
@@ -217,7 +221,7 @@ impl PhotonTracer {
             max_depth: options.max_depth,
             diffuse_bounces: options.diffuse_bounces,
             seed: options.seed.wrapping_add(begun.wrapping_mul(0x9e37_79b9)),
-            caustics_only: u32::from(options.caustics_only),
+            caustics_only: u32::from(!map.alone),
             pixel_m2,
             step: typical_nits / STEPS,
             radius_m: RADIUS * (hi - lo).length().max(1e-30) * shrunk,

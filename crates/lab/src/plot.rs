@@ -2,23 +2,30 @@
 
 use std::path::Path;
 
-use anyhow::{Context, anyhow};
 use plotters::prelude::*;
 
-use crate::output::create_parent;
+use crate::Error;
+use crate::files::write_text;
 
 /// A curve.
+#[derive(Clone, Debug)]
 pub struct Curve {
+    /// What it is called.
     pub name: String,
+    /// Where it goes; what is not finite is left out.
     pub points: Vec<(f64, f64)>,
 }
 
 /// Curves over one axis, of values from 0, or around another value.
+#[derive(Clone, Debug)]
 pub struct Panel {
+    /// Above it.
     pub title: String,
+    /// What the horizontal axis is.
     pub x: &'static str,
     /// Where the vertical axis begins; it fits the values where this is none.
     pub low: Option<f64>,
+    /// All of them.
     pub curves: Vec<Curve>,
     /// Lines below the curves' names.
     pub notes: Vec<String>,
@@ -43,10 +50,13 @@ const COLOURS: [RGBColor; 6] = [
 ];
 
 /// Writes panels below each other; missing folders are made.
-pub fn write(path: &Path, panels: &[Panel]) -> anyhow::Result<()> {
-    let text = svg(panels).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
-    create_parent(path)?;
-    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write(path: &Path, panels: &[Panel]) -> Result<(), Error> {
+    let text =
+        svg(panels).map_err(|error| Error::Work(format!("cannot draw {}: {error}", path.display())))?;
+    write_text(path, &text)
 }
 
 fn svg(panels: &[Panel]) -> Result<String, Box<dyn std::error::Error + '_>> {

@@ -16,7 +16,6 @@ pub struct Spread {
 
 /// A time along a path: what is usual, and how bad it gets.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[expect(clippy::struct_field_names, reason = "units are suffixes")]
 pub struct Tail {
     /// Milliseconds.
     pub median_ms: f64,
@@ -29,11 +28,13 @@ pub struct Tail {
 /// One pass over all frames; recorded several times a frame, its times are added.
 #[derive(Debug, Clone, Serialize)]
 pub struct PassSpread<T = Spread> {
+    /// `technique/pass`.
     pub name: String,
     /// Times recorded in a frame.
     pub count: usize,
     /// Frames that recorded it: fewer than all where its result was kept.
     pub frames: usize,
+    /// Of all its recordings in a frame.
     #[serde(flatten)]
     pub time: T,
 }
@@ -41,7 +42,9 @@ pub struct PassSpread<T = Spread> {
 /// GPU times of a run.
 #[derive(Debug, Clone, Serialize)]
 pub struct Summary<T = Spread> {
+    /// Frames measured.
     pub frames: usize,
+    /// In recording order.
     pub passes: Vec<PassSpread<T>>,
     /// From the first pass' begin to the last one's end.
     pub frame_span: T,
@@ -52,13 +55,18 @@ pub struct Summary<T = Spread> {
 /// Who measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Machine {
+    /// What the adapter calls itself.
     pub adapter: String,
+    /// Name and version.
     pub driver: String,
+    /// The graphics interface.
     pub backend: String,
+    /// Discrete, integrated, software.
     pub kind: String,
 }
 
 impl Machine {
+    /// The one that a device is part of.
     pub fn of(gpu: &Gpu) -> Self {
         Self {
             adapter: gpu.info.name.clone(),

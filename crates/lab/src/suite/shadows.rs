@@ -1,4 +1,4 @@
-//! `chiaro bench --suite shadows`: every combination of shadow techniques, its picture and what it costs.
+//! Every combination of shadow techniques, its picture and what it costs.
 //!
 //! The first twelve are those of the shadow thesis: {one map, cascades} × {depth, PCF 4×4, variance, blurred variance,
 //! prefiltered exponential, blurred exponential}.
@@ -6,21 +6,14 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use anyhow::Context;
 use chiaro::{Settings, StillOptions};
 use serde::Serialize;
 
-use crate::args::BenchArgs;
+use crate::files::{bar, create_folder, write_text};
 use crate::measure::{Measured, at_sixty, measure};
-use crate::output::{bar, print};
-use crate::render;
-use crate::session::{self, Session};
-use crate::timings::{Machine, NO_TIMESTAMPS, Summary, summarise};
-use crate::values::Size;
-
-const SIZE: Size = Size { width: 800, height: 600 };
-const SCENE: &str = "builtin:terrain";
-const FOLDER: &str = "bench";
+use crate::pictures::screen;
+use crate::timings::{Machine, Summary, summarise};
+use crate::{Error, Session};
 
 /// A combination: what its name says, all of it set, so that no base changes what a row is.
 struct Row {
@@ -54,18 +47,23 @@ impl Row {
     }
 }
 
-#[derive(Serialize)]
-struct Cost {
-    name: String,
-    settings: Vec<String>,
+/// What a combination costs.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cost {
+    /// The combination.
+    pub name: String,
+    /// Its settings, `key=value`.
+    pub settings: Vec<String>,
     /// All passes that make maps.
-    maps_ms: f64,
+    pub maps_ms: f64,
     /// Making moments and blurring them, of that.
-    moments_ms: f64,
+    pub moments_ms: f64,
     /// Shading with the lookups.
-    shade_ms: f64,
-    frame_ms: f64,
-    timings: Option<Summary>,
+    pub shade_ms: f64,
+    /// From the first pass to the last; on the clock where the adapter has no timestamps.
+    pub frame_ms: f64,
+    /// By pass, where it has.
+    pub timings: Option<Summary>,
 }
 
 const LAYOUTS: [(&str, &str); 2] = [("single", "one map"), ("cascaded", "cascades")];
@@ -122,48 +120,51 @@ fn rows(base: &Settings) -> Result<Vec<Row>, chiaro::Error> {
     Ok(rows)
 }
 
-pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
-    let folder = args.output.as_deref().unwrap_or(Path::new(FOLDER));
-    let mut scene_args = args.scene.clone();
-    scene_args.size.get_or_insert(SIZE);
-    scene_args.scene.get_or_insert_with(|| SCENE.into());
-    let mut base = session::settings(&args.settings)?;
-    base.set("shadow.cache", "false")?;
-    // Only shadows are compared.
-    base.set("post.antialias", "none")?;
-    let rows = rows(&base)?;
+/// The base that the suite measures over: maps are rendered every frame, and only shadows are compared.
+///
+/// # Errors
+/// None that a caller could make.
+pub fn base(mut settings: Settings) -> Result<Settings, Error> {
+    settings.set("shadow.cache", "false")?;
+    settings.set("post.antialias", "none")?;
+    Ok(settings)
+}
+
+/// Measures every combination over [`base`], so many frames each, and writes a picture of each and `table.md` to `folder`.
+/// Returns what they cost, and the table.
+///
+/// # Errors
+/// When the device fails, or a file cannot be written.
+pub fn run(
+    session: &mut Session,
+    base: &Settings,
+    (frames, folder): (u32, &Path),
+) -> Result<(Vec<Cost>, String), Error> {
+    let rows = rows(base)?;
     let images = thesis().len();
-    let mut session = Session::open(&scene_args, &args.settings)?;
+    create_folder(folder)?;
     let bar = bar(rows.len() as u64, "{bar:40} {pos}/{len} {msg}, {eta} left");
     let mut costs = Vec::new();
     for row in &rows {
         bar.set_message(row.name.clone());
-        session.renderer.set(row.settings(&base)?)?;
+        session.renderer.set(row.settings(base)?)?;
         session.renderer.equip(&session.source, &mut session.scene)?;
-        picture(&mut session, &folder.join(file_name(&row.name)))?;
-        let measured = measure(&mut session, args.frames, at_sixty, || bar.tick())?;
+        picture(session, &folder.join(file_name(&row.name)))?;
+        let measured = measure(session, frames, at_sixty, || bar.tick())?;
         costs.push(cost(row, &measured));
         bar.inc(1);
     }
     bar.finish_and_clear();
-    session.tell_notes();
-    let machine = Machine::of(&session.gpu);
-    let text = table(&machine, &session, args.frames, (&costs, images));
-    let path = folder.join("table.md");
-    std::fs::write(&path, &text).with_context(|| format!("cannot write {}", path.display()))?;
-    print(&text)?;
-    if costs.iter().all(|cost| cost.timings.is_none()) {
-        eprintln!("note: {NO_TIMESTAMPS}");
-    }
-    super::write_json(args, &machine, &session, &costs)?;
-    print(&format!("\n{} pictures and table.md in {}\n", rows.len(), folder.display()))
+    let text = table(&Machine::of(&session.gpu), session, frames, (&costs, images));
+    write_text(&folder.join("table.md"), &text)?;
+    Ok((costs, text))
 }
 
-fn picture(session: &mut Session, path: &Path) -> anyhow::Result<()> {
+fn picture(session: &mut Session, path: &Path) -> Result<(), Error> {
     let Session { renderer, scene, view, size, .. } = &mut *session;
     let options = StillOptions { size: *size, samples: 1, ..StillOptions::default() };
     let still = renderer.still(scene, view, &options)?;
-    render::write(&session.gpu, still, path).map(|_| ())
+    Ok(chiaro_image::write_png(path, &screen(&still.picture.wait(&session.gpu)?)?)?)
 }
 
 fn file_name(name: &str) -> String {

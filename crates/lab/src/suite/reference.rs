@@ -1,4 +1,4 @@
-//! `chiaro bench --suite reference`: how many rays, paths and light paths a second the tracers do.
+//! How many rays, paths and light paths a second the tracers do.
 
 use std::fmt::Write as _;
 
@@ -6,10 +6,8 @@ use chiaro::scene::Scene;
 use chiaro::{Integrator, LoadedScene, Recorder, Reference, ReferenceOptions};
 use serde::Serialize;
 
-use crate::args::BenchArgs;
-use crate::output::print;
-use crate::session::{Session, Tracing};
-use crate::timings::{Machine, NO_TIMESTAMPS, Spread, summarise};
+use crate::timings::{Machine, Spread, summarise};
+use crate::{Error, Session, Tracing};
 
 /// Before measuring: shaders warm, clocks up.
 const WARM_UP: u32 = 5;
@@ -27,14 +25,19 @@ struct Row {
     rays: f64,
 }
 
-#[derive(Serialize)]
-struct Rate {
-    name: &'static str,
-    unit: &'static str,
+/// What a tracer does.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rate {
+    /// What is traced.
+    pub name: &'static str,
+    /// Of what.
+    pub unit: &'static str,
     /// GPU time of a frame.
-    time: Spread,
-    samples: u32,
-    millions_per_s: f64,
+    pub time: Spread,
+    /// Of each pixel in a frame.
+    pub samples: u32,
+    /// Millions of `unit` a second.
+    pub millions_per_s: f64,
 }
 
 fn rows() -> [Row; 5] {
@@ -59,22 +62,26 @@ fn dark(scene: &Scene) -> Scene {
     scene
 }
 
-pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
-    let session = Session::open_to_trace(&args.scene, &args.settings)?;
+/// Measures all that the tracers do, so many frames each. Empty where the adapter has no timestamps.
+///
+/// # Errors
+/// When trees do not fit the device, or it fails.
+pub fn rates(session: &Session<Tracing>, frames: u32) -> Result<Vec<Rate>, Error> {
     let mut rates = Vec::new();
     for row in rows() {
-        rates.extend(measure(&session, &row, args.frames)?);
+        rates.extend(measure(session, &row, frames)?);
     }
-    let machine = Machine::of(&session.gpu);
-    if rates.is_empty() {
-        eprintln!("note: {NO_TIMESTAMPS}");
-    }
+    Ok(rates)
+}
+
+/// The table for people.
+pub fn table(machine: &Machine, session: &Session<Tracing>, frames: u32, rates: &[Rate]) -> String {
     let [width, height] = session.size;
     let mut text = format!(
-        "Tracers on {}\n{}, {} triangles, {width}x{height}, median of {} frames\n\n",
-        machine.adapter, session.scene_name, session.scene.gpu.triangle_count, args.frames
+        "Tracers on {}\n{}, {} triangles, {width}x{height}, median of {frames} frames\n\n",
+        machine.adapter, session.scene_name, session.scene.gpu.triangle_count
     );
-    for Rate { name, unit, time, samples, millions_per_s } in &rates {
+    for Rate { name, unit, time, samples, millions_per_s } in rates {
         let each = time.median_ms / f64::from(*samples);
         // Writing to a string does not fail.
         let _ = writeln!(
@@ -82,12 +89,11 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
             "  {name:<30}{millions_per_s:>10.1} million {unit}/s   {each:.3} ms a sample of each pixel"
         );
     }
-    print(&text)?;
-    super::write_json(args, &machine, &session, &rates)
+    text
 }
 
 /// Nothing without timestamps.
-fn measure(session: &Session<Tracing>, row: &Row, frames: u32) -> anyhow::Result<Option<Rate>> {
+fn measure(session: &Session<Tracing>, row: &Row, frames: u32) -> Result<Option<Rate>, Error> {
     let Session { gpu, renderer, scene, view, size, source, .. } = session;
     let without_light = row.dark.then(|| dark(source));
     let (source, loaded) = match &without_light {
