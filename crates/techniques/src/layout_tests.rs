@@ -7,6 +7,9 @@ use chiaro_gpu::shader::{Linked, check_layout};
 
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
+use crate::indirect::Vpl;
+use crate::indirect::ism::IsmData;
+use crate::indirect::points::PointFacts;
 use crate::post::{AntialiasData, DebugInput};
 use crate::rays::refit::{NodeBox, RefitJob};
 use crate::reference::first_hit::FirstHitPass;
@@ -238,6 +241,27 @@ fn rust_structs_equal_their_wesl_twins() {
         first_lane,
         end_lane,
         aimed,
+        reserved,
+    );
+    let points = &linked("indirect/points/update.cs.wesl");
+    same!(points, PointFacts, "PointFacts", count, point_m2, reserved0, reserved1);
+    let splat = &linked("indirect/ism/splat.cs.wesl");
+    same!(splat, Vpl, "Vpl", position_ws, normal, flux, subset);
+    same!(
+        splat,
+        IsmData,
+        "IsmData",
+        largest_m,
+        point_area_m2,
+        resolution,
+        points_per_vpl,
+        pool,
+        first,
+        tiles,
+        levels,
+        pull_threshold,
+        push_threshold,
+        pyramid,
         reserved,
     );
     let refit = &linked("rays/refit.cs.wesl");

@@ -46,4 +46,4 @@ pub use follow::Refit;
 pub use refit::WORN;
 pub use trace::{TraceData, TraceFacts, TraceScene};
 pub(crate) use tree::Word;
-pub(crate) use triangle::{TriangleRef, placed_triangles};
+pub(crate) use triangle::{TriangleRef, cluster_triangles, placed_triangles};

@@ -70,7 +70,7 @@ pub(super) fn own_triangles(scene: &cs::Scene, cut: &Cut, drawn: &Drawn) -> Vec<
 }
 
 /// What is to be hit of a cluster drawn at an instance, or at none.
-fn cluster_triangles<'a>(
+pub(crate) fn cluster_triangles<'a>(
     scene: &'a cs::Scene,
     cut: &'a Cut,
     cluster: usize,

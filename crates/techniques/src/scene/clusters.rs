@@ -31,7 +31,7 @@ pub struct ClusterData {
     pub vertex_count: u32,
 }
 
-const NO_EXTRAS: u32 = u32::MAX;
+pub(crate) const NO_EXTRAS: u32 = u32::MAX;
 const DOUBLE_SIDED: u32 = 1;
 const BENDS: u32 = 2;
 /// A normal cone that is never culled.

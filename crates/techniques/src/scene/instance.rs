@@ -15,6 +15,11 @@ pub struct InstanceData {
     pub reserved: [u32; 2],
 }
 
+impl InstanceData {
+    /// Of [`InstanceData::flags`]: the triangles' winding is turned over.
+    pub(crate) const MIRRORED: u32 = 1;
+}
+
 /// The instance of a mesh that bends, whose vertices are stored in world space; `matrix` tells whether it is mirrored.
 pub(crate) fn bending_instance_data(matrix: &Affine3A) -> InstanceData {
     let flags = u32::from(matrix.matrix3.determinant() < 0.0);

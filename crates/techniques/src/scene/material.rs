@@ -51,7 +51,7 @@ pub fn see_through(material: &cs::Material) -> bool {
 }
 
 /// Share of light that passes; metals and the Phong model pass none.
-fn transmission(material: &cs::Material) -> f32 {
+pub fn transmission(material: &cs::Material) -> f32 {
     if material.reflection == cs::Reflection::MetallicRoughness { material.transmission } else { 0.0 }
 }
 

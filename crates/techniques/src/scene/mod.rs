@@ -13,7 +13,7 @@ pub mod motion;
 mod shares;
 mod srgb;
 pub mod texture;
-mod words;
+pub(crate) mod words;
 
 pub use gpu::{CLASSES, ItemData, KINDS, OPAQUE, SEE_THROUGH, SceneFacts, SceneGpu};
 pub(crate) use gpu::{Cut, Drawn};

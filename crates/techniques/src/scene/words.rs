@@ -18,7 +18,7 @@ fn snorm_pair(v: Vec2) -> u32 {
 }
 
 /// A unit vector, octahedral, 16 bits a component.
-pub(super) fn normal_word(normal: Vec3) -> u32 {
+pub(crate) fn normal_word(normal: Vec3) -> u32 {
     snorm_pair(oct(normal))
 }
 

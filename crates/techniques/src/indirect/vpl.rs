@@ -1,0 +1,54 @@
+//! Virtual point lights (Keller 1997, "Instant Radiosity"): places that scatter light on as a Lambert surface does.
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+use crate::scene::words::normal_word;
+
+/// A virtual point light; `vpl.wesl` holds its twin.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Vpl {
+    /// Metres.
+    pub position_ws: [f32; 3],
+    /// Octahedral, 16-bit snorm each; see [`Vpl::new`].
+    pub normal: u32,
+    /// Reflected flux in lumens, red, green and blue: albedo × incident flux, over its probability.
+    pub flux: [f32; 3],
+    /// Number of its block of points.
+    pub subset: u32,
+}
+
+impl Vpl {
+    /// With a unit normal, which is rounded by less than 7·10⁻⁵ rad.
+    pub fn new(position_ws: Vec3, normal_ws: Vec3, flux: Vec3, subset: u32) -> Self {
+        let (position_ws, flux) = (position_ws.to_array(), flux.to_array());
+        Self { position_ws, normal: normal_word(normal_ws), flux, subset }
+    }
+
+    /// The unit normal.
+    pub fn normal_ws(&self) -> Vec3 {
+        let snorm = |bits: u32| (f32::from(bits as u16 as i16) / 32767.0).max(-1.0);
+        let (x, y) = (snorm(self.normal), snorm(self.normal >> 16));
+        let z = 1.0 - x.abs() - y.abs();
+        let folded = (-z).max(0.0);
+        Vec3::new(x - folded.copysign(x), y - folded.copysign(y), z).normalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_come_back() {
+        for i in 0..1000 {
+            let turn = 2.4 * i as f32;
+            let z = 1.0 - 2.0 * i as f32 / 999.0;
+            let r = (1.0 - z * z).max(0.0).sqrt();
+            let n = Vec3::new(r * turn.cos(), r * turn.sin(), z);
+            let back = Vpl::new(Vec3::ZERO, n, Vec3::ONE, 0).normal_ws();
+            assert!(n.distance(back) < 7e-5, "{n} became {back}");
+        }
+    }
+}

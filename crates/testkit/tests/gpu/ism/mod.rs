@@ -1,0 +1,266 @@
+//! Imperfect shadow maps against twins on the CPU and against what is known of discs, rooms and walls.
+
+mod filling;
+mod seeing;
+mod splats;
+
+use std::f32::consts::PI;
+
+use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::{Buffer, BufferReadback, Dispatch, Gpu, Readback, Recorder};
+use chiaro_techniques::Pass;
+use chiaro_techniques::indirect::Vpl;
+use chiaro_techniques::indirect::ism::{Ism, IsmInputs, IsmPlan, IsmRoom};
+use chiaro_techniques::indirect::ism::{IsmOptions, IsmResolution};
+use chiaro_testkit::Bench;
+use glam::{Mat3, Vec2, Vec3};
+
+const EMPTY: u32 = u32::MAX;
+const NO_INDEX: u32 = 0x1fff;
+/// Relative size of a step of depth.
+const STEP: f32 = 1.0 / 2048.0;
+
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    position: Vec3,
+    normal: Vec3,
+}
+
+impl Point {
+    fn words(&self) -> [u32; 4] {
+        let n = self.normal;
+        let mut e = Vec2::new(n.x, n.y) / (n.x.abs() + n.y.abs() + n.z.abs());
+        if n.z < 0.0 {
+            e = Vec2::new((1.0 - e.y.abs()).copysign(e.x), (1.0 - e.x.abs()).copysign(e.y));
+        }
+        let snorm = |x: f32| u32::from((x * 127.0).round() as i8 as u8);
+        let [x, y, z] = self.position.to_array().map(f32::to_bits);
+        [x, y, z, snorm(e.x) | snorm(e.y) << 8]
+    }
+}
+
+/// A VPL's frame as `tangent_frame` makes it: columns.
+fn frame(n: Vec3) -> Mat3 {
+    let s = if n.z >= 0.0 { 1.0 } else { -1.0 };
+    let a = -1.0 / (s + n.z);
+    let b = n.x * n.y * a;
+    Mat3::from_cols(
+        Vec3::new(1.0 + s * n.x * n.x * a, s * b, -s * n.x),
+        Vec3::new(b, s + n.y * n.y * a, -n.y),
+        n,
+    )
+}
+
+fn settings(ism_resolution: IsmResolution, levels: u32) -> IsmOptions {
+    IsmOptions { ism_resolution, levels, ..IsmOptions::default() }
+}
+
+fn vpl(position: Vec3, normal: Vec3, subset: u32) -> Vpl {
+    Vpl::new(position, normal, Vec3::ONE, subset)
+}
+
+/// A direction as the VPL at the origin that looks along z sees a place of its tile, in texels.
+fn direction(resolution: u32, at: Vec2) -> Vec3 {
+    let p = at / (0.5 * resolution as f32) - 1.0;
+    let s = p.length_squared();
+    (2.0 * p).extend(1.0 - s) / (1.0 + s)
+}
+
+fn depth_of(word: u32) -> Option<f32> {
+    (word != EMPTY).then(|| f32::from_bits((word >> 13) << 12 | 0x800).min(1.0))
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Place {
+    position_ws: Vec3,
+    vpl: u32,
+}
+
+/// VPLs and points, and the maps that were made of them.
+struct Rig<'a> {
+    gpu: &'a Gpu,
+    bench: Bench,
+    ism: Ism,
+    settings: IsmOptions,
+    points: Buffer,
+    pool: u32,
+    vpls: Buffer,
+    vpl_count: Buffer,
+    area_m2: f32,
+    largest_m: f32,
+    room: IsmRoom,
+}
+
+impl<'a> Rig<'a> {
+    /// Makes the maps; `area_m2` is that of all points of a block.
+    fn new(
+        gpu: &'a Gpu,
+        settings: IsmOptions,
+        (points, area_m2, largest_m): (&[Point], f32, f32),
+        vpls: &[Vpl],
+    ) -> Self {
+        let plan = IsmPlan::new(gpu, &settings, vpls.len() as u32).unwrap();
+        Self::with_plan(gpu, settings, (points, area_m2, largest_m), vpls, plan)
+    }
+
+    fn with_plan(
+        gpu: &'a Gpu,
+        settings: IsmOptions,
+        (points, area_m2, largest_m): (&[Point], f32, f32),
+        vpls: &[Vpl],
+        plan: IsmPlan,
+    ) -> Self {
+        let bench = Bench::new(gpu);
+        let ism = Ism::compile(&bench.kit, &()).unwrap();
+        let words: Vec<_> = points.iter().map(Point::words).collect();
+        let mut rig = Self {
+            gpu,
+            points: bench.buffer("points", &words),
+            pool: points.len() as u32,
+            vpls: bench.buffer("vpls", vpls),
+            vpl_count: bench.buffer("vpl_count", &[vpls.len() as u32, 1, 1, 1]),
+            room: ism.room(gpu, plan, true),
+            bench,
+            ism,
+            settings,
+            area_m2,
+            largest_m,
+        };
+        rig.make();
+        rig
+    }
+
+    fn make(&mut self) {
+        let mut recorder = Recorder::new(self.gpu, false);
+        let mut frame = recorder.begin();
+        let inputs = IsmInputs {
+            points: &self.points,
+            pool: self.pool,
+            vpls: &self.vpls,
+            vpl_count: &self.vpl_count,
+            scene_area_m2: self.area_m2,
+            largest_m: self.largest_m,
+        };
+        self.ism.record(&mut frame, &self.settings, &inputs, &self.room);
+        frame.submit();
+    }
+
+    /// The same points with other settings.
+    fn set(&mut self, settings: IsmOptions, vpls: u32) {
+        let plan = IsmPlan::new(self.gpu, &settings, vpls).unwrap();
+        if !self.room.serves(plan, true) {
+            self.room = self.ism.room(self.gpu, plan, true);
+        }
+        self.settings = settings;
+        self.make();
+    }
+
+    /// All tiles' words, one after the other.
+    fn words(&self) -> Vec<u32> {
+        let read = |buffer| BufferReadback::start(self.gpu, buffer).wait(self.gpu).unwrap();
+        self.room
+            .atlases()
+            .iter()
+            .flat_map(|atlas| bytemuck::pod_collect_to_vec(&read(&atlas.words)))
+            .collect()
+    }
+
+    fn picture(&self, which: usize) -> Vec<f32> {
+        let picture = &self.room.pictures().unwrap()[which];
+        let texels = Readback::start(self.gpu, picture).unwrap().wait(self.gpu).unwrap().floats();
+        texels
+            .chunks(texels.len() / (picture.options().width * picture.options().height) as usize)
+            .map(|t| t[0])
+            .collect()
+    }
+
+    /// What the first atlas says of places.
+    fn visibility(&self, places: &[Place], closer: bool) -> Vec<f32> {
+        let shader = ("tests/ism_lookup.cs.wesl", include_str!("../wesl/ism_lookup.cs.wesl"));
+        let buffer = self.bench.buffer("places", places);
+        let mut recorder = Recorder::new(self.gpu, false);
+        let mut frame = recorder.begin();
+        let inputs = IsmInputs {
+            points: &self.points,
+            pool: self.pool,
+            vpls: &self.vpls,
+            vpl_count: &self.vpl_count,
+            scene_area_m2: self.area_m2,
+            largest_m: self.largest_m,
+        };
+        let atlases = self.ism.record(&mut frame, &self.settings, &inputs, &self.room);
+        let [words, uniform] = atlases[0].binds();
+        let binds = [words, uniform, ("places", (&buffer).into()), ("vpls", (&self.vpls).into())];
+        let work = (Dispatch::Threads([places.len() as u32, 1, 1]), places.len());
+        let closer = [("ISM_CLOSER", f64::from(u8::from(closer)))];
+        let output = self.bench.record(&mut frame, shader, &closer, None, &binds, work);
+        frame.submit();
+        self.bench.read(&output)
+    }
+}
+
+/// Points in the directions of texels of the tile of a VPL at the origin that looks along z, a texel each, at distances.
+fn pattern(resolution: u32, texels: &[(u32, u32, f32)]) -> Vec<Point> {
+    let point = |&(x, y, distance): &(u32, u32, f32)| {
+        let to = direction(resolution, Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+        Point { position: distance * to, normal: to }
+    };
+    texels.iter().map(point).collect()
+}
+
+/// Area of a disc that is far smaller than a texel from a metre.
+const SPECK_M2: f32 = 1e-8;
+
+/// Σ of the solid angles of a tile's texels that hold anything.
+fn solid_angle(resolution: u32, tile: &[u32]) -> f32 {
+    let texel = |(i, word): (usize, &u32)| {
+        let (x, y) = (i as u32 % resolution, i as u32 / resolution);
+        let z = direction(resolution, Vec2::new(x as f32 + 0.5, y as f32 + 0.5)).z;
+        if *word == EMPTY || z < 0.0 { 0.0 } else { ((1.0 + z) * 2.0 / resolution as f32).powi(2) }
+    };
+    tile.iter().enumerate().map(texel).sum()
+}
+
+/// A room of 2 × 2 × 2 m around the origin and what stands in it, by points stratified over their area.
+fn scatter(rectangles: &[[Vec3; 3]], points: usize, blocks: usize) -> (Vec<Point>, f32) {
+    let area = |[_, a, b]: &[Vec3; 3]| 4.0 * a.cross(*b).length();
+    let total: f32 = rectangles.iter().map(area).sum();
+    // A Halton sequence whose first number runs along the area, each block turned.
+    let radical = |mut i: usize, base: usize| {
+        let (mut value, mut digit) = (0.0, 1.0 / base as f32);
+        while i > 0 {
+            value += digit * (i % base) as f32;
+            i /= base;
+            digit /= base as f32;
+        }
+        value
+    };
+    let mut all = Vec::new();
+    for i in 0..points * blocks {
+        let mut along = radical(i + 1, 2) * total;
+        let last = rectangles.len() - 1;
+        let place = rectangles[..last].iter().position(|rectangle| {
+            let here = along < area(rectangle);
+            along -= if here { 0.0 } else { area(rectangle) };
+            here
+        });
+        let [centre, a, b] = rectangles[place.unwrap_or(last)];
+        let (u, v) = (2.0 * radical(i + 1, 3) - 1.0, 2.0 * radical(i + 1, 5) - 1.0);
+        all.push(Point { position: centre + u * a + v * b, normal: a.cross(b).normalize() });
+    }
+    (all, total)
+}
+
+/// The walls of the room: centre and two half sides.
+fn walls() -> Vec<[Vec3; 3]> {
+    let axes = [Vec3::X, Vec3::Y, Vec3::Z];
+    (0..6)
+        .map(|i| [axes[i % 3] * if i < 3 { 1.0 } else { -1.0 }, axes[(i + 1) % 3], axes[(i + 2) % 3]])
+        .collect()
+}
+
+/// A disc's half-angle from `d` when it is turned away by an angle of that cosine.
+fn half_angle_tan(area: f32, cosine: f32, d: f32) -> f32 {
+    (area * cosine / PI).sqrt() / d
+}
