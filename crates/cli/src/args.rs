@@ -20,7 +20,7 @@ use crate::values::{blur_px, chart_output, frames_per_second, positive, render_o
     name = "chiaro",
     version,
     arg_required_else_help = true,
-    after_help = "Example:\n  chiaro render builtin:nave -o nave.png\n\n\
+    after_help = "Example: chiaro render builtin:nave -o nave.png\n\
                   `chiaro COMMAND --help` has examples. Exit status: 0 done, 1 the work failed, 2 wrong usage."
 )]
 pub struct Cli {
