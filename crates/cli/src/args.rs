@@ -10,7 +10,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 pub use compare::{CompareArgs, JudgeArgs, SweepArgs};
 pub use reference::{Integrator, MergeArgs, ReferenceArgs};
-pub use scene::{SceneArgs, SettingsArgs, TimeArgs};
+pub use scene::{LookArgs, SceneArgs, SettingsArgs, TimeArgs};
 
 use crate::values::{blur_px, chart_output, frames_per_second, positive, render_output};
 

@@ -4,8 +4,7 @@ use chiaro::scene::{HeightMap, Source};
 use chiaro::{Lookout, Settings, scene};
 use chiaro_lab::{SceneChoice, Session, Tracing, apply_preset};
 
-use crate::args::{SceneArgs, SettingsArgs};
-use crate::values::View;
+use crate::args::{LookArgs, SceneArgs, SettingsArgs};
 
 /// Tells the user a sentence.
 pub fn tell(sentence: &str) {
@@ -14,14 +13,19 @@ pub fn tell(sentence: &str) {
 
 /// What is seen, and from where.
 pub fn choice(args: &SceneArgs) -> SceneChoice {
-    let size = args.size.unwrap_or_default();
+    SceneChoice { scene_in_file: args.scene_in_file.clone(), ..choice_of(source(args), &args.look) }
+}
+
+/// A scene seen as flags say.
+pub fn choice_of(source: Source, look: &LookArgs) -> SceneChoice {
+    let size = look.size.unwrap_or_default();
     SceneChoice {
-        source: source(args),
-        scene_in_file: args.scene_in_file.clone(),
-        strict: args.strict,
-        environment: args.environment.clone(),
-        camera: args.camera.clone(),
-        view: own_view(args),
+        source,
+        scene_in_file: None,
+        strict: look.strict,
+        environment: look.environment.clone(),
+        camera: look.camera.clone(),
+        view: own_view(look),
         size: [size.width, size.height],
     }
 }
@@ -58,13 +62,9 @@ pub fn source(args: &SceneArgs) -> Source {
 }
 
 /// A camera of the user's own.
-pub fn own_view(args: &SceneArgs) -> Option<Lookout> {
-    args.view.as_ref().map(lookout)
-}
-
-/// A camera that flags describe.
-pub fn lookout(view: &View) -> Lookout {
-    Lookout { eye_m: view.eye_m.into(), target_m: view.target_m.into(), yfov_rad: view.yfov_rad }
+pub fn own_view(look: &LookArgs) -> Option<Lookout> {
+    let view = look.view.as_ref()?;
+    Some(Lookout { eye_m: view.eye_m.into(), target_m: view.target_m.into(), yfov_rad: view.yfov_rad })
 }
 
 /// Preset, changes and pipeline, in this order.

@@ -5,12 +5,11 @@ use chiaro::Settings;
 use chiaro_image::read;
 use chiaro_lab::session::open_gpu;
 use chiaro_lab::{
-    Cache, JudgeOptions, Moment, SceneChoice, Session, Source, SweepOptions, Technique, TruthOptions,
-    VARIABLE,
+    Cache, JudgeOptions, Moment, Session, Source, SweepOptions, Technique, TruthOptions, VARIABLE,
 };
 
 use crate::args::{CompareArgs, JudgeArgs, SweepArgs};
-use crate::asked::{self, tell};
+use crate::asked::{self, choice_of, tell};
 use crate::frames;
 use crate::output::{WrongUsage, print};
 
@@ -67,7 +66,7 @@ pub fn sweep(args: &SweepArgs) -> anyhow::Result<()> {
     let cache = cache(&args.judge);
     let gpu = open_gpu(&mut tell)?;
     let options = SweepOptions {
-        scenes: scenes(args),
+        scenes: args.scenes.iter().map(|scene| choice_of(scene.clone().into(), &args.look)).collect(),
         vary: args.vary.iter().map(|vary| vary.0.clone()).collect(),
         base: Settings::clone(&base),
         judge: judge(&args.judge, cache.clone(), gpu.is_software())?,
@@ -83,21 +82,6 @@ pub fn sweep(args: &SweepArgs) -> anyhow::Result<()> {
         swept.written,
         swept.skipped
     ))
-}
-
-fn scenes(args: &SweepArgs) -> Vec<SceneChoice> {
-    let size = args.size.unwrap_or_default();
-    let view = args.view.as_ref().map(asked::lookout);
-    let choice = |scene: &String| SceneChoice {
-        source: scene.clone().into(),
-        scene_in_file: None,
-        strict: false,
-        environment: args.environment.clone(),
-        camera: args.camera.clone(),
-        view,
-        size: [size.width, size.height],
-    };
-    args.scenes.iter().map(choice).collect()
 }
 
 fn truth(args: &JudgeArgs, cache: Option<Cache>) -> TruthOptions {

@@ -33,7 +33,7 @@ pub fn reference(args: &BenchArgs) -> anyhow::Result<()> {
 pub fn shadows(args: &BenchArgs) -> anyhow::Result<()> {
     let folder = args.output.as_deref().unwrap_or(Path::new(FOLDER));
     let mut scene = args.scene.clone();
-    scene.size.get_or_insert(SIZE);
+    scene.look.size.get_or_insert(SIZE);
     scene.scene.get_or_insert_with(|| SCENE.into());
     let settings = asked::settings(&args.settings)?;
     let mut session = asked::open(&scene, settings.clone())?;

@@ -23,14 +23,14 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
     if file.is_some_and(|file| !file.exists()) {
         bail!("{scene}: there is no such file; `chiaro scenes` lists the built-in scenes");
     }
-    let camera = match (own_view(&args.scene), &args.scene.camera) {
+    let camera = match (own_view(&args.scene.look), &args.scene.look.camera) {
         (Some(lookout), _) => StartCamera::From(lookout),
         (None, Some(wanted)) => StartCamera::Named(wanted.clone()),
         (None, None) => StartCamera::First,
     };
-    let size = args.scene.size.unwrap_or_default();
+    let size = args.scene.look.size.unwrap_or_default();
     let size = [size.width, size.height];
-    let environment = args.scene.environment.clone();
+    let environment = args.scene.look.environment.clone();
     let settings = settings(&args.settings)?;
     warn_of_idle(&args.settings)?;
     let shaders = match &args.shaders {
@@ -41,7 +41,7 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
     Ok(chiaro_viewer::run(Options {
         scene,
         environment,
-        strict: args.scene.strict,
+        strict: args.scene.look.strict,
         settings,
         camera,
         size,

@@ -7,8 +7,8 @@ use chiaro::Shard;
 use chiaro_lab::Part;
 use clap::Args;
 
-use super::scene::{SceneArgs, SettingsArgs, TimeArgs};
-use crate::values::{Size, Vary, View, positive, shard, share};
+use super::scene::{LookArgs, SceneArgs, SettingsArgs, TimeArgs};
+use crate::values::{Vary, positive, shard, share};
 
 /// What techniques are held against, and how often.
 #[derive(Debug, Args)]
@@ -92,18 +92,9 @@ pub struct SweepArgs {
     /// How they are judged
     #[command(flatten)]
     pub judge: JudgeArgs,
-    /// The image's width and height in pixels [default: 1280x720]
-    #[arg(long, value_name = "WxH")]
-    pub size: Option<Size>,
-    /// A camera of the scenes, by its number from 0 or by its name [default: the first]
-    #[arg(long, value_name = "INDEX|NAME", conflicts_with = "view")]
-    pub camera: Option<String>,
-    /// A camera of your own, as for `chiaro render`
-    #[arg(long, value_name = "x,y,z,tx,ty,tz,yfov_deg", allow_hyphen_values = true)]
-    pub view: Option<View>,
-    /// A Radiance HDR or EXR picture of the surroundings, which lights the scenes
-    #[arg(long, value_name = "FILE")]
-    pub environment: Option<PathBuf>,
+    /// The camera of all scenes
+    #[command(flatten)]
+    pub look: LookArgs,
     /// The file of rows, each a line of JSON
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,

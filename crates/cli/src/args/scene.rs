@@ -22,6 +22,14 @@ pub struct SceneArgs {
     /// Terrain in the scene's place
     #[command(flatten)]
     pub terrain: TerrainArgs,
+    /// The camera
+    #[command(flatten)]
+    pub look: LookArgs,
+}
+
+/// From where, how large, and in which surroundings.
+#[derive(Clone, Debug, Args)]
+pub struct LookArgs {
     /// The image's width and height in pixels [default: 1280x720; `bench --suite shadows`: 800x600]
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,

@@ -39,7 +39,7 @@ impl Format {
                 "-o {path}: a video needs --frames A..B; of one moment write a .png or .exr"
             )));
         }
-        let size = args.scene.size.unwrap_or_default();
+        let size = args.scene.look.size.unwrap_or_default();
         if matches!(format, Self::Mp4) && (size.width % 2 == 1 || size.height % 2 == 1) {
             bail!(WrongUsage(format!("--size {size}: the width and height of an .mp4 are even numbers")));
         }
