@@ -20,7 +20,8 @@ use crate::values::{blur_px, chart_output, frames_per_second, positive, render_o
     name = "chiaro",
     version,
     arg_required_else_help = true,
-    after_help = "Example: chiaro render builtin:nave -o nave.png\n\
+    disable_help_subcommand = true,
+    after_help = "Example:\n  chiaro render builtin:nave -o nave.png\n\
                   `chiaro COMMAND --help` has examples. Exit status: 0 done, 1 the work failed, 2 wrong usage."
 )]
 pub struct Cli {
@@ -89,8 +90,8 @@ Examples:
   chiaro compare builtin:flight --frames 0..48 --fps 24 --size 640x360 -o flight/
   chiaro compare room.glb --reference bounce1.exr --minus direct.exr --part indirect -o report/
 
-A technique T is a preset, a .ron file, label:key=value,key=value (preset=NAME among the keys), or
-paths:MS, the program's own path tracer given so many milliseconds of GPU time, at least one sample a
+A technique T is a preset or a .ron file, over the defaults; label:key=value,key=value over --preset and
+--set (preset=NAME among the keys); or paths:MS, the program's own path tracer given so many milliseconds of GPU time, at least one sample a
 pixel, its irradiance filtered along edges (paths:MS:raw: not filtered). Light that paths bring to the
 part alone is traced: caustics by paths from the lights.
 

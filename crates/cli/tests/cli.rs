@@ -26,9 +26,19 @@ fn scratch(name: &str) -> PathBuf {
 
 #[test]
 fn every_help_page_has_an_example() {
-    for page in
-        [&[][..], &["render"], &["reference"], &["bench"], &["diff"], &["scenes"], &["settings"], &["info"]]
-    {
+    for page in [
+        &[][..],
+        &["render"],
+        &["reference"],
+        &["merge"],
+        &["bench"],
+        &["compare"],
+        &["sweep"],
+        &["diff"],
+        &["scenes"],
+        &["settings"],
+        &["info"],
+    ] {
         let output = chiaro(&[page, &["--help"]].concat());
         assert!(output.status.success());
         assert!(text(&output.stdout).contains("\n  chiaro "), "no example in {page:?}");

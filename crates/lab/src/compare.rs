@@ -14,8 +14,8 @@ use crate::files::{bar, create_folder, write_json, write_text};
 use crate::judge::{JudgeOptions, Judged, Moment, judge};
 use crate::part::Part;
 use crate::row::Columns;
-use crate::session::{Tell, by_key};
-use crate::technique::Technique;
+use crate::session::{Tell, by_key, camera_text};
+use crate::technique::{Method, Technique};
 use crate::truth::{Floor, Truth, TruthOptions, Truths};
 use crate::{Error, Machine, Session};
 
@@ -44,6 +44,8 @@ pub struct Row {
     pub settings: Option<BTreeMap<String, String>>,
     /// Samples of each pixel.
     pub samples: u32,
+    /// What the renderer gave up.
+    pub notes: Vec<String>,
     /// How far it is from the truth.
     #[serde(flatten)]
     pub figures: Figures,
@@ -62,8 +64,14 @@ pub struct Report {
     pub scene: String,
     /// A hash of it.
     pub fingerprint: String,
+    /// Who looks.
+    pub camera: String,
     /// Pixels.
     pub size: [u32; 2],
+    /// The moments, seconds.
+    pub times_s: Vec<f64>,
+    /// Whether a mask leaves pixels out.
+    pub masked: bool,
     /// What of the light.
     pub part: Part,
     /// Seeds of each technique.
@@ -112,6 +120,8 @@ pub fn compare(
         let [w, h] = session.size;
         return Err(Error::Usage(format!("the mask is {width}x{height}, but pictures are {w}x{h}")));
     }
+    let lit = |truth: &Truth| truth.lit(mask).map_err(|error| error.of(options.part.name()));
+    truths.iter().try_for_each(lit)?;
     // One exposure for all pictures, so that they can be told apart by eye.
     let exposure = against(&first.image, first, mask)
         .map_err(|error| error.of(format!("the truth of {}", options.part.name())))?
@@ -126,7 +136,10 @@ pub fn compare(
         machine: Machine::of(&session.gpu),
         scene: session.scene_name.clone(),
         fingerprint: format!("{:016x}", session.source.fingerprint()),
+        camera: camera_text(&session.view),
         size: session.size,
+        times_s: options.moments.iter().map(|moment| moment.time_s).collect(),
+        masked: options.mask.is_some(),
         part: options.part,
         seeds: options.seeds,
         frames: options.moments.len(),
@@ -146,8 +159,18 @@ pub fn compare(
         };
         let judged = judge(session, (technique, base), &truths, options, &mut keep)
             .map_err(|error| error.of(format!("technique {}", technique.label)))?;
-        for note in session.notes() {
+        let notes = if technique.settings().is_some() { session.notes().to_vec() } else { Vec::new() };
+        for note in &notes {
             tell(&format!("warning: {}: {note}", technique.label));
+        }
+        if let (Method::Paths { budget_ms, .. }, Some(ms)) = (&technique.method, judged.cost.paths_ms)
+            && !(0.5 * budget_ms..2.0 * budget_ms).contains(&ms)
+        {
+            tell(&format!(
+                "warning: {}: {} samples took {ms:.2} ms, not {budget_ms}; at least one is traced, and how many fit was \
+                 found once: --no-cache finds it anew",
+                technique.label, judged.samples
+            ));
         }
         report.columns.push(Columns::new(&technique.label, session, options, &judged, floor));
         let Judged { figures, cost, samples } = judged;
@@ -156,6 +179,7 @@ pub fn compare(
             asked: technique.asked.clone(),
             settings: technique.settings().map(by_key),
             samples,
+            notes,
             figures,
             cost,
         });
@@ -189,14 +213,20 @@ fn truths(
         Source::Full(options) => {
             let mut truths = Truths::new(session, options.clone());
             let bar = bar(moments.len() as u64, "truths {bar:40} {pos}/{len}, {eta} left");
-            let mut of = |moment: &Moment| {
-                session.go_to(moment.time_s)?;
+            let mut all: Vec<Truth> = Vec::new();
+            for moment in moments {
                 bar.inc(1);
-                truths.of((session, base), moment.time_s, tell)
-            };
-            let all = moments.iter().map(&mut of).collect();
+                // Where nothing moves one is for all.
+                let truth = if let Some(first) = all.first().filter(|_| session.duration_s().is_none()) {
+                    first.clone()
+                } else {
+                    session.go_to(moment.time_s)?;
+                    truths.of((session, base), moment.time_s, tell)?
+                };
+                all.push(truth);
+            }
             bar.finish_and_clear();
-            all
+            Ok(all)
         }
         Source::File { path, minus } => {
             if moments.len() > 1 {

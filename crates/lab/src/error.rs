@@ -33,6 +33,9 @@ pub enum Error {
     /// A value could not be written as, or read from, JSON.
     #[error("JSON: {0}")]
     Json(#[from] serde_json::Error),
+    /// The truth is black, so that there is nothing to hold anything against.
+    #[error("{0}")]
+    Black(String),
     /// What was asked for cannot be asked for.
     #[error("{0}")]
     Usage(String),
@@ -57,6 +60,15 @@ impl Error {
             Self::Of { source, .. } => source.is_usage(),
             Self::Chiaro(error) => is_usage(error),
             _ => false,
+        }
+    }
+
+    /// Whether only this row of a table cannot be had.
+    pub fn is_of_row(&self) -> bool {
+        match self {
+            Self::Black(_) => true,
+            Self::Of { source, .. } => source.is_of_row(),
+            _ => self.is_usage(),
         }
     }
 

@@ -127,8 +127,11 @@ fn finite(value: f32) -> f32 {
 /// Holds a picture against the truth.
 ///
 /// # Errors
-/// When sizes differ, or the truth is black where the mask leaves something.
+/// When sizes differ, or the truth is black, or darker than that, where the mask leaves something.
 pub fn against(image: &Image, truth: &Truth, mask: Option<&Image>) -> Result<Comparison, Error> {
+    if truth.image.size() == image.size() {
+        truth.lit(mask)?;
+    }
     let options = CompareOptions { mask, ..CompareOptions::default() };
     Ok(Comparison::new(image, &truth.image, &options)?)
 }

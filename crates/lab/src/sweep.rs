@@ -65,6 +65,10 @@ pub struct Swept {
 struct Row<'a> {
     id: &'a str,
     vary: BTreeMap<&'a str, &'a str>,
+    /// Those that are not the defaults.
+    settings: BTreeMap<String, String>,
+    /// What the renderer gave up.
+    notes: &'a [String],
     #[serde(flatten)]
     columns: Option<Columns>,
     /// Why there are no figures.
@@ -85,6 +89,8 @@ struct Asked {
     samples: Option<u32>,
 }
 
+/// Combinations at most.
+const MOST: usize = 1_000_000;
 /// Keys that are no settings.
 const SIZE: &str = "size";
 const SAMPLES: &str = "samples";
@@ -96,10 +102,8 @@ const SAMPLES: &str = "samples";
 /// When a key or value is wrong (before anything is measured), a scene cannot be read, the device fails, or the file cannot be
 /// written.
 pub fn sweep(gpu: &Gpu, options: &SweepOptions, path: &Path, tell: Tell<'_>) -> Result<Swept, Error> {
+    check(options)?;
     let mine = mine(options);
-    for combination in combinations(options) {
-        asked(&options.base, &combination.values)?;
-    }
     create_parent(path)?;
     let known = known(path)?;
     let progress = bar(mine.len() as u64, "sweeping {bar:40} {pos}/{len} rows, {eta} left  {msg}");
@@ -130,6 +134,41 @@ pub fn sweep(gpu: &Gpu, options: &SweepOptions, path: &Path, tell: Tell<'_>) -> 
     }
     progress.finish_and_clear();
     Ok(swept)
+}
+
+/// Makes sure that all keys and values are right, and that no row is asked for twice.
+fn check(options: &SweepOptions) -> Result<(), Error> {
+    let mut keys = BTreeSet::new();
+    let mut count = options.scenes.len();
+    for Vary { key, values } in &options.vary {
+        if !keys.insert(key) {
+            return Err(Error::Usage(format!(
+                "--vary {key}: it is given twice; write all its values at once"
+            )));
+        }
+        let mut seen = BTreeSet::new();
+        for value in values {
+            if !seen.insert(value) {
+                return Err(Error::Usage(format!("--vary {key}: {value} is given twice")));
+            }
+            asked(&options.base, &[(key.clone(), value.clone())])?;
+        }
+        count = count.saturating_mul(values.len());
+    }
+    if count > MOST {
+        return Err(Error::Usage(format!("these are {count} combinations, more than the {MOST} of a sweep")));
+    }
+    let mut scenes = BTreeSet::new();
+    for scene in &options.scenes {
+        let name = scene.source.to_string();
+        if !name.starts_with("builtin:") && !Path::new(&name).exists() {
+            return Err(Error::Work(format!("{name}: there is no such file")));
+        }
+        if !scenes.insert(name.clone()) {
+            return Err(Error::Usage(format!("{name} is given twice")));
+        }
+    }
+    Ok(())
 }
 
 /// A scene that is open, and its truths.
@@ -172,11 +211,18 @@ impl OfScene {
         self.last = self.last.take().map(|(key, _)| (key, truths));
         let (columns, refused) = match judged {
             Ok(judged) => (Some(Columns::new(&text, &self.session, &judge_options, &judged, floor)), None),
-            Err(error) if error.is_usage() => (None, Some(error.to_string())),
+            Err(error) if error.is_of_row() => (None, Some(error.to_string())),
             Err(error) => return Err(error),
         };
         let is_refused = refused.is_some();
-        let row = Row { id: &id, vary: by_name(values), columns, refused };
+        let row = Row {
+            id: &id,
+            vary: by_name(values),
+            settings: unlike_defaults(&asked.settings),
+            notes: self.session.notes(),
+            columns,
+            refused,
+        };
         Ok(Some((serde_json::to_string(&row)?, is_refused)))
     }
 
@@ -254,6 +300,12 @@ fn words(values: &[(String, String)]) -> String {
     if all.is_empty() { "base".to_owned() } else { all.join(" ") }
 }
 
+fn unlike_defaults(settings: &Settings) -> BTreeMap<String, String> {
+    let defaults = by_key(&Settings::default());
+    let all = by_key(settings).into_iter();
+    all.filter(|(key, value)| defaults.get(key) != Some(value)).collect()
+}
+
 fn by_name(values: &[(String, String)]) -> BTreeMap<&str, &str> {
     values.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect()
 }
@@ -273,7 +325,7 @@ fn id(
     });
     let all = format!(
         "{} {text} {} {:016x} {} {:?} {:?} seed {} {part:?} {diffuse_bounces:?} {target_error} {most_samples} {samples:?} \
-         {seeds} {moments:?} {mask:?} {timed_frames} {:?}",
+         {seeds} {moments:?} {mask:?} {timed_frames} {:?} {}",
         env!("CARGO_PKG_VERSION"),
         session.scene_name,
         session.source.fingerprint(),
@@ -282,11 +334,16 @@ fn id(
         session.source.origin,
         asked.settings.seed,
         by_key(&asked.settings),
+        session.gpu.info.name,
     );
     format!("{:016x}", text_hash(&all))
 }
 
-/// Rows that the file holds whole. One that was cut off while it was written is taken away.
+/// What a row begins with, so that one that was cut off is known from other text.
+const BEGINS: &str = "{\"id\":\"";
+
+/// Rows that the file holds whole. One that was cut off while it was written is taken away; a file of anything else is left
+/// as it is.
 fn known(path: &Path) -> Result<BTreeSet<String>, Error> {
     let mut file = match OpenOptions::new().read(true).write(true).open(path) {
         Ok(file) => file,
@@ -296,20 +353,32 @@ fn known(path: &Path) -> Result<BTreeSet<String>, Error> {
     lock(&file);
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).map_err(Error::file("cannot read", path))?;
+    let id = |line: &[u8]| serde_json::from_slice::<Known>(line).ok().map(|row| row.id);
+    let blank = |line: &[u8]| line.iter().all(u8::is_ascii_whitespace);
     let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
-    if whole < bytes.len() {
-        file.set_len(whole as u64).map_err(Error::file("cannot write", path))?;
-    }
-    let text = String::from_utf8_lossy(&bytes[..whole]);
+    let (lines, last) = bytes.split_at(whole);
+    let no_row = |number: usize| {
+        let path = path.display();
+        Error::Work(format!(
+            "{path}, line {number}: it is no row of a sweep; name another file, or take the line away"
+        ))
+    };
     let mut known = BTreeSet::new();
-    for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
-        let row: Known = serde_json::from_str(line).map_err(|_| {
-            Error::Work(format!(
-                "{}, line {number}: it is no row of a sweep; name another file, or take the line away",
-                path.display()
-            ))
-        })?;
-        known.insert(row.id);
+    let numbered = (1..).zip(lines.split(|byte| *byte == b'\n'));
+    for (number, line) in numbered.filter(|(_, line)| !blank(line)) {
+        known.insert(id(line).ok_or_else(|| no_row(number))?);
+    }
+    if blank(last) {
+        return Ok(known);
+    }
+    if let Some(id) = id(last) {
+        // Whole but for the end of its line.
+        known.insert(id);
+        file.write_all(b"\n").map_err(Error::file("cannot write", path))?;
+    } else if last.starts_with(BEGINS.as_bytes()) || BEGINS.as_bytes().starts_with(last) {
+        file.set_len(whole as u64).map_err(Error::file("cannot write", path))?;
+    } else {
+        return Err(no_row(lines.split(|byte| *byte == b'\n').count()));
     }
     Ok(known)
 }
@@ -354,9 +423,22 @@ mod tests {
     #[test]
     fn a_file_of_something_else_is_left_alone_and_named() {
         let path = file("else");
-        std::fs::write(&path, "{\"id\":\"a\"}\ndear diary\n").unwrap();
-        let error = known(&path).unwrap_err().to_string();
-        assert!(error.contains("line 2"), "{error}");
+        for (text, line) in [
+            ("{\"id\":\"a\"}\ndear diary\n", "line 2"),
+            ("{\"asset\":{\"version\":\"2.0\"}}", "line 1"),
+            ("{\"id\":\"a\"}\n\u{feff}x", "line 2"),
+            ("v/1\u{1}", "line 1"),
+        ] {
+            std::fs::write(&path, text).unwrap();
+            let error = known(&path).unwrap_err().to_string();
+            assert!(error.contains(line), "{error}");
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+        }
+        // Whole but for the end of its line, as editors may leave it.
+        std::fs::write(&path, "{\"id\":\"a\"}\n{\"id\":\"b\"}").unwrap();
+        assert_eq!(known(&path).unwrap().len(), 2);
+        append(&path, "{\"id\":\"c\"}").unwrap();
+        assert_eq!(known(&path).unwrap().len(), 3);
         std::fs::remove_file(path).unwrap();
     }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 use chiaro::Settings;
 
 use crate::Error;
+use crate::session::counts_in_truth;
 
 /// A way to make a picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,13 +34,19 @@ pub enum Method {
 }
 
 const PATHS: &str = "paths:";
+/// A minute: who has more takes a truth.
+const MOST_MS: f64 = 60_000.0;
+/// Letters of a label at most: it names files.
+const LONGEST: usize = 100;
+/// Names of the report's own files.
+const TAKEN: [&str; 2] = ["truth", "results"];
 const RAW: &str = ":raw";
 /// Stands for a preset among keys.
 const PRESET: &str = "preset";
 
 impl Technique {
-    /// Reads a preset's name, a `.ron` file, `label:key=value,key=value`, `paths:MS` or `paths:MS:raw`. What is not said is as
-    /// in `base`.
+    /// Reads a preset's name, a `.ron` file, `label:key=value,key=value`, `paths:MS` or `paths:MS:raw`. A preset and a file
+    /// begin from the defaults, changes from `base`; what says what is there is that of `base` anyway.
     ///
     /// # Errors
     /// When it is none of these, a file cannot be read, or a key or value is wrong.
@@ -47,18 +54,19 @@ impl Technique {
         let named = |label: &str, method| Self { label: label.to_owned(), asked: text.to_owned(), method };
         if let Some(rest) = text.strip_prefix(PATHS) {
             let (budget, filtered) = rest.strip_suffix(RAW).map_or((rest, true), |budget| (budget, false));
-            let budget_ms = budget.parse().ok().filter(|ms: &f64| ms.is_finite() && *ms > 0.0);
+            let budget_ms = budget.parse().ok().filter(|ms: &f64| *ms > 0.0 && *ms <= MOST_MS);
             let budget_ms = budget_ms.ok_or_else(|| {
                 Error::Usage(format!(
-                    "--technique {text}: write paths: and milliseconds of GPU time above 0, such as paths:2.5, or \
+                    "--technique {text}: write paths: and milliseconds of GPU time, more than 0 and up to {MOST_MS}, such as paths:2.5, or \
                      paths:2.5:raw for the same without a filter"
                 ))
             })?;
             return Ok(named(text, Method::Paths { budget_ms, filtered }));
         }
-        let mut settings = base.clone();
-        if is_preset_file(text) {
+        let mut settings = Settings { seed: base.seed, ..Settings::default() };
+        if is_preset_file(text) && !text.contains('=') {
             apply_preset(&mut settings, text).map_err(|error| error.of(format!("--technique {text}")))?;
+            keep_what_is_there(&mut settings, base)?;
             let stem = Path::new(text).file_stem().and_then(|stem| stem.to_str()).unwrap_or(text);
             return Ok(named(stem, Method::Frames(Box::new(settings))));
         }
@@ -72,11 +80,16 @@ impl Technique {
                 )));
             }
             settings.apply_preset(text, None)?;
+            keep_what_is_there(&mut settings, base)?;
             return Ok(named(text, Method::Frames(Box::new(settings))));
         };
-        if label.trim().is_empty() {
-            return Err(Error::Usage(format!("--technique {text}: a label stands before the colon")));
+        let count = label.trim().chars().count();
+        if !(1..=LONGEST).contains(&count) || label.contains(char::is_control) {
+            return Err(Error::Usage(format!(
+                "--technique {text}: a label of 1 to {LONGEST} letters stands before the colon"
+            )));
         }
+        settings = base.clone();
         let mut pairs: Vec<(&str, String)> = Vec::new();
         for change in changes.split(',').filter(|change| !change.trim().is_empty()) {
             match (change.split_once('='), pairs.last_mut()) {
@@ -103,7 +116,12 @@ impl Technique {
         let mut all: Vec<Self> = Vec::new();
         for text in texts {
             let mut technique = Self::parse(text, base)?;
-            let taken = |label: &str| all.iter().any(|other| file_name(&other.label) == file_name(label));
+            // Some file systems do not tell small letters from capitals.
+            let name = |label: &str| file_name(label).to_lowercase();
+            let taken = |label: &str| {
+                TAKEN.contains(&name(label).as_str())
+                    || all.iter().any(|other| name(&other.label) == name(label))
+            };
             let numbered = (2..).map(|number| format!("{} {number}", technique.label));
             let label = std::iter::once(technique.label.clone()).chain(numbered).find(|label| !taken(label));
             technique.label = label.unwrap_or_default();
@@ -124,6 +142,14 @@ impl Technique {
     pub fn file_name(&self) -> String {
         file_name(&self.label)
     }
+}
+
+/// One truth is for all: what it depends on is the base's.
+fn keep_what_is_there(settings: &mut Settings, base: &Settings) -> Result<(), Error> {
+    for field in Settings::fields().iter().filter(|field| counts_in_truth(&field.key)) {
+        settings.set(&field.key, &base.get(&field.key).unwrap_or_default())?;
+    }
+    Ok(())
 }
 
 /// Sets a key, or applies a preset by the key `preset`.
@@ -187,11 +213,26 @@ mod tests {
     }
 
     #[test]
+    fn presets_begin_from_the_defaults_and_changes_from_the_base() {
+        let mut base = Settings::default();
+        base.apply_preset("direct", None).unwrap();
+        base.set("environment.sky", "none").unwrap();
+        let value = |text: &str, key: &str| {
+            Technique::parse(text, &base).unwrap().settings().unwrap().get(key).unwrap()
+        };
+        assert_eq!(value("default", "indirect.technique"), "ambient");
+        assert_eq!(value("a:shadow.filter=none", "indirect.technique"), "none");
+        // One truth for all.
+        assert_eq!(value("default", "environment.sky"), "none");
+    }
+
+    #[test]
     fn what_is_no_technique_is_told_with_what_would_be() {
         for (wrong, word) in [
             ("paths:", "milliseconds"),
             ("paths:-1", "milliseconds"),
             ("paths:inf", "milliseconds"),
+            ("paths:1e300", "60000"),
             ("slow", "thesis-shadows"),
             (":shadow.filter=none", "label"),
             ("a:shadow.filter", "KEY=VALUE"),
@@ -206,10 +247,12 @@ mod tests {
 
     #[test]
     fn labels_stay_apart_as_files_too() {
-        let texts = ["a b:", "a_b:", "default", "default", "..:"].map(str::to_owned);
+        let texts =
+            ["a b:", "a_b:", "A_B:", "default", "default", "..:", "truth:", "results:"].map(str::to_owned);
         let all = Technique::parse_all(&texts, &Settings::default()).unwrap();
         let names: std::collections::BTreeSet<_> = all.iter().map(Technique::file_name).collect();
-        assert_eq!(names.len(), 5, "{names:?}");
+        assert_eq!(names.len(), 8, "{names:?}");
+        assert!(!names.contains("truth") && !names.contains("results"), "{names:?}");
         assert!(names.iter().all(|name| !name.starts_with('.') && !name.contains(['/', ' '])), "{names:?}");
     }
 }

@@ -7,7 +7,7 @@ use chiaro_image::{CompareOptions, Comparison, Image, Layers, read, read_layers,
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use crate::cache::{Cache, Entry};
+use crate::cache::{Cache, Entry, VARIABLE};
 use crate::files::bar;
 use crate::part::Part;
 use crate::session::{Tell, camera_text, truth_settings};
@@ -20,6 +20,8 @@ const SEEDS: [u32; 2] = [0x7275_7468, 0x7275_7469];
 const FIRST_LOOK: u32 = 16;
 /// A reference's sums of the picture, of direct light and of caustics: pairs of floats.
 const SUMS: [[&str; 2]; 3] = [["sum", "sum.low"], ["direct", "direct.low"], ["caustics", "caustics.low"]];
+/// Less of the picture is no part of it.
+const LEAST_PART: f64 = 1e-6;
 /// Layers of a file in the cache.
 const HALVES: [&str; 2] = ["", "other"];
 const SAMPLES: &str = "samples";
@@ -90,6 +92,12 @@ impl Truth {
                     path.display()
                 )));
             }
+            if let Some((path, _)) = [(path, &image), (minus, &other)].into_iter().find(|(_, i)| is_crop(i)) {
+                let path = path.display();
+                return Err(Error::Usage(format!(
+                    "{path} is a crop; --minus takes whole images from whole ones"
+                )));
+            }
             for (value, other) in image.pixels_mut().iter_mut().flatten().zip(other.pixels().iter().flatten())
             {
                 *value -= other;
@@ -118,6 +126,27 @@ impl Truth {
     /// The mean of all values that the mask leaves, nits.
     pub fn mean(&self, keep: &[bool]) -> f64 {
         mean(kept(self.image.pixels(), keep).map(f64::from))
+    }
+
+    /// Makes sure that there is light to compare.
+    ///
+    /// # Errors
+    /// [`Error::Black`] when there is none.
+    pub fn lit(&self, mask: Option<&Image>) -> Result<(), Error> {
+        let keep = keep(&self.image, mask);
+        if !keep.contains(&true) {
+            return Err(Error::Usage(
+                "the mask leaves no pixel: it must be 0 where pictures are compared".to_owned(),
+            ));
+        }
+        let mean = self.mean(&keep);
+        if mean > 0.0 {
+            return Ok(());
+        }
+        let is = if mean < 0.0 { "darker than black: is the right image subtracted?" } else { "black" };
+        Err(Error::Black(format!(
+            "there is nothing to hold techniques against: where it is compared, this part of the light is {is}"
+        )))
     }
 
     /// The mean square of its own error.
@@ -163,12 +192,24 @@ fn kept<'a>(pixels: &'a [[f32; 3]], keep: &'a [bool]) -> impl Iterator<Item = f3
     pixels.iter().zip(keep).filter(|(_, keep)| **keep).flat_map(|(pixel, _)| *pixel)
 }
 
-/// Pixels that a mask leaves: those where it is 0.
+/// Pixels that count: those that a crop holds, where the mask is 0.
 pub(crate) fn keep(image: &Image, mask: Option<&Image>) -> Vec<bool> {
-    match mask {
-        Some(mask) => mask.pixels().iter().map(|pixel| pixel.iter().all(|value| *value <= 0.0)).collect(),
-        None => vec![true; image.pixels().len()],
+    let (held, width) = (image.held(), image.width());
+    let is_held = |index: usize| {
+        let at = [index as u32 % width, index as u32 / width];
+        (0..2).all(|axis| at[axis].checked_sub(held.start[axis]).is_some_and(|x| x < held.size[axis]))
+    };
+    let mut keep: Vec<bool> = (0..image.pixels().len()).map(is_held).collect();
+    if let Some(mask) = mask {
+        for (keep, pixel) in keep.iter_mut().zip(mask.pixels()) {
+            *keep &= pixel.iter().all(|value| *value <= 0.0);
+        }
     }
+    keep
+}
+
+fn is_crop(image: &Image) -> bool {
+    (image.held().size[0], image.held().size[1]) != image.size()
 }
 
 fn image_of(layers: &Layers, name: &str) -> Option<Image> {
@@ -215,7 +256,14 @@ impl Truths {
         tell: Tell<'_>,
     ) -> Result<Truth, Error> {
         let key = self.key(session, settings, time_s);
-        let entry = self.options.cache.as_ref().map(|cache| cache.entry(&key, "exr")).transpose()?;
+        let entry = match self.options.cache.as_ref().map(|cache| cache.entry(&key, "exr")).transpose() {
+            Ok(entry) => entry,
+            Err(error) => {
+                tell(&format!("warning: {error}; truths are not kept: name another folder by {VARIABLE}"));
+                self.options.cache = None;
+                None
+            }
+        };
         if let Some(entry) = &entry
             && entry.path.exists()
         {
@@ -232,7 +280,9 @@ impl Truths {
             }
             layers.about = key.lines().filter_map(|line| line.split_once(": ")).map(owned).collect();
             layers.about.insert(SAMPLES.to_owned(), samples.to_string());
-            write_layers(&entry.path, &layers)?;
+            if let Err(error) = write_layers(&entry.path, &layers) {
+                tell(&format!("warning: {error}; the truth is not kept"));
+            }
         }
         let truth = Truth::of_halves(&halves, samples);
         let error = error_of(&halves);
@@ -372,6 +422,13 @@ pub(crate) fn part_of(
         Part::Caustics => mean(caustics, index),
         Part::Indirect => mean(sum, index) - mean(direct, index) - mean(caustics, index),
     };
+    // Where all light is of other parts, what rounding leaves is no light.
+    let all = 4 * width as usize * height as usize;
+    let colours = || (0..all).filter(|index| index % 4 < 3);
+    let light: f64 = colours().map(|index| mean(sum, index)).sum();
+    if part != Part::Picture && colours().map(value).sum::<f64>() <= LEAST_PART * light {
+        return Ok(Image::filled(width, height, [0.0; 3]));
+    }
     let pixels =
         (0..width as usize * height as usize).map(|pixel| [0, 1, 2].map(|c| value(4 * pixel + c) as f32));
     Ok(Image::from_pixels(width, height, pixels.collect())?)

@@ -13,13 +13,26 @@ use super::file::{
 use super::shards::Shards;
 use super::sums::{Sums, low};
 use crate::args::MergeArgs;
-use crate::output::print;
+use crate::output::{WrongUsage, print};
 
 /// Sums that every reference has.
 const ALWAYS: [&str; 4] = ["sum", "squares", "direct", "caustics"];
 
 pub fn run(args: &MergeArgs) -> anyhow::Result<()> {
-    let mut parts = args.parts.iter().map(Part::open).collect::<anyhow::Result<Vec<_>>>()?;
+    let (parts, beside): (Vec<_>, Vec<_>) = args.parts.iter().partition(|path| !is_beside(path, &args.parts));
+    if let Some(one) = beside.first() {
+        let count = beside.len();
+        eprintln!("note: {} and what else lies beside parts ({count} in all) is left alone", one.display());
+    }
+    let canonical = |path: &Path| std::fs::canonicalize(path).ok();
+    let output = canonical(&args.output);
+    if let Some(part) = parts.iter().find(|part| output.is_some() && canonical(part) == output) {
+        let part = part.display();
+        bail!(WrongUsage(format!(
+            "-o {part}: it is one of the parts, which could not be gone on with any more"
+        )));
+    }
+    let mut parts = parts.into_iter().map(Part::open).collect::<anyhow::Result<Vec<_>>>()?;
     let shards = together(&parts)?;
     parts.sort_by(|a, b| a.shards.numbers.cmp(&b.shards.numbers));
     let Some(first) = parts.first() else { bail!("there are no parts to merge") };
@@ -55,12 +68,23 @@ pub fn run(args: &MergeArgs) -> anyhow::Result<()> {
         sums.write_aov(&args.output, name)?;
     }
     let held = match (shards.are_all(), &shards.numbers[..]) {
+        (true, [_]) => "the only shard".to_owned(),
         (true, _) => format!("all {} shards", shards.of),
         (false, [_]) => format!("shard {shards}"),
         (false, _) => format!("shards {shards}"),
     };
     let (path, noise) = (args.output.display(), 100.0 * sums.noise()?);
     print(&format!("{path}  {} spp, holds {held}, noise {noise:.2} %\n", sums.samples))
+}
+
+/// Whether a file lies beside another of them as an AOV does: `p.1.direct.exr` beside `p.1.exr`.
+fn is_beside(path: &Path, all: &[PathBuf]) -> bool {
+    let name = |path: &Path| path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_owned();
+    let own = name(path);
+    all.iter().any(|other| {
+        let stem = other.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+        other.parent() == path.parent() && own != name(other) && own.starts_with(&format!("{stem}."))
+    })
 }
 
 /// A file to merge, by what it says of itself.
