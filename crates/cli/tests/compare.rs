@@ -91,7 +91,7 @@ fn two_runs_give_the_same_figures_from_the_cache_and_from_one_that_was_broken() 
     }
     let [truth] = &cached(&folder, "exr")[..] else { panic!("one truth is kept") };
     let (_, notes) = run(&folder, &arguments("second"));
-    assert!(!notes.contains("anew"), "{notes}");
+    assert!(!notes.contains("is broken"), "{notes}");
     assert_eq!(results(&folder, "second"), first);
     fs::write(truth, "broken").unwrap();
     let (_, notes) = run(&folder, &arguments("third"));
@@ -146,6 +146,16 @@ fn a_truth_may_be_a_file_less_another() {
     );
     let found = results(&folder, "report");
     assert!(found["rows"][0]["mean_ratio"].as_f64().unwrap() > 0.0 && found["floor"].is_null(), "{found}");
+    // The other way round, more is subtracted than there is.
+    let turned = ["--reference", "full.direct.exr", "--minus", "full.exr", "--part", "indirect"];
+    let turned = compare(&[&["--size", "48x36"], &turned[..]].concat());
+    assert_fails(&chiaro(&folder, &turned), 1, &["indirect", "darker than black"]);
+    let none = ["--part", "caustics", "--target-error", "50%"];
+    assert_fails(
+        &chiaro(&folder, &compare(&[&["--size", "16x12"], &none[..]].concat())),
+        1,
+        &["caustics", "is black"],
+    );
     let other = compare(&["--size", "64x36", "--reference", "full.exr"]);
     assert_fails(&chiaro(&folder, &other), 2, &["full.exr is 48x36", "--size 48x36"]);
 }

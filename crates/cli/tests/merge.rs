@@ -122,7 +122,14 @@ fn a_shard_goes_on_where_it_stopped_and_a_merged_file_does_not() {
     assert!(failed(&whole, 1).contains("shards (2 of 3, now whole)"), "{}", text(&whole.stderr));
     done(&trace(&resumed, &["--shard", "2/3", "--spp", "9", "--resume"]));
     assert!(std::fs::read(&through).unwrap() == std::fs::read(&resumed).unwrap());
-    done(&merge(&[&through], &merged));
+    // A part would be lost.
+    let error = merge(&[&through, &resumed], &resumed);
+    assert!(failed(&error, 2).contains("it is one of the parts"), "{}", text(&error.stderr));
+    // What a pattern of file names finds beside parts is no part.
+    std::fs::copy(&through, folder.join("a.direct.exr")).unwrap();
+    let told = merge(&[&through, &folder.join("a.direct.exr")], &merged);
+    assert!(text(&told.stderr).contains("a.direct.exr"), "{}", text(&told.stderr));
+    done(&told);
     let error = trace(&merged, &["--shard", "2/3", "--spp", "12", "--resume"]);
     let error = failed(&error, 1);
     assert!(error.contains("c.exr was merged") && error.contains("merge them again"), "{error}");
