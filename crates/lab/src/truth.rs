@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use chiaro::scene::text_hash;
+use chiaro::techniques::shaders::MODULES;
 use chiaro::{Integrator, LoadedScene, Recorder, Reference, ReferenceOptions, Settings};
 use chiaro_image::{CompareOptions, Comparison, Image, Layers, read, read_layers, write_layers};
 use indicatif::ProgressBar;
@@ -304,9 +306,10 @@ impl Truths {
         let [width, height] = session.size;
         let round = if session.gpu.is_software() { 1 } else { 4 };
         format!(
-            "chiaro: {}\npart: {}\nbounces: {}\nerror: {target_error} within {most_samples} samples in rounds of {round}\n\
+            "chiaro: {}\nshaders: {:016x}\npart: {}\nbounces: {}\nerror: {target_error} within {most_samples} samples in rounds of {round}\n\
              scene fingerprint: {:016x}\norigin: {}\ncamera: {}\nsize: {width}x{height}\ntime: {time_s} s\nsettings: {}",
             env!("CARGO_PKG_VERSION"),
+            shaders(),
             part.name(),
             part.bounces(*diffuse_bounces),
             session.source.fingerprint(),
@@ -440,6 +443,12 @@ fn error_of([a, b]: &[Image; 2]) -> f64 {
     let error: f64 = pairs().map(|(a, b)| 0.5 * f64::from((a - b).abs())).sum();
     let sum: f64 = pairs().map(|(a, b)| 0.5 * f64::from(a + b)).sum();
     if sum > 0.0 { error / sum } else { 0.0 }
+}
+
+/// A hash of all shaders: others may trace otherwise.
+fn shaders() -> u64 {
+    let texts: Vec<_> = MODULES.iter().map(|(_, text)| *text).collect();
+    text_hash(&texts.concat())
 }
 
 fn owned((key, value): (&str, &str)) -> (String, String) {
