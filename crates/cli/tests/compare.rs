@@ -244,7 +244,7 @@ fn what_cannot_be_compared_is_told_before_anything_is_traced() {
     assert_fails(&compare(&["--reference", "no.exr", "--technique", "fast"]), 1, &["no.exr"]);
     let sweep =
         |rest: &[&str]| chiaro(&folder, &[&["sweep", "builtin:cornell", "-o", "rows.jsonl"], rest].concat());
-    assert_fails(&sweep(&["--vary", "shadow.fliter=none"]), 2, &["shadow.fliter", "shadow.filter"]);
+    assert_fails(&sweep(&["--vary", "shadow.filtre=none"]), 2, &["shadow.filtre", "shadow.filter"]);
     assert_fails(&sweep(&["--vary", "size=big"]), 2, &["size=big", "640x360"]);
     assert_fails(&sweep(&["--vary", "samples=1", "--shard", "3/2"]), 2, &["2/8"]);
     fs::write(folder.join("rows.jsonl"), "dear diary\n").unwrap();

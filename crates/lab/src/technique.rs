@@ -236,7 +236,7 @@ mod tests {
             ("slow", "thesis-shadows"),
             (":shadow.filter=none", "label"),
             ("a:shadow.filter", "KEY=VALUE"),
-            ("a:shadow.fliter=none", "shadow.filter"),
+            ("a:shadow.filtre=none", "shadow.filter"),
             ("a:shadow.filter=round", "pcf"),
             ("no/such.ron", "no/such.ron"),
         ] {

@@ -67,7 +67,7 @@ fn second_dimension(first: u32) -> u32 {
 }
 
 /// Weights of a triangle's corners from a point of the square, without bending what is even (Heitz 2019, "A Low-Distortion
-/// Map Between Triangle and Square"), in 65,535ths, whose sum they are.
+/// Map Between Triangle and Square"), in parts of 65,535, whose sum they are.
 pub(super) fn corner_weights([x, y]: [f64; 2]) -> [u16; 3] {
     let [x, y] = if y > x { [0.5 * x, y - 0.5 * x] } else { [x - 0.5 * y, 0.5 * y] };
     let [b, c] = [x, y].map(|share| (share * 65_535.0 + 0.5) as u16);
