@@ -236,6 +236,12 @@ fn truths(
                 )));
             }
             let truth = Truth::read(path, minus.as_deref())?;
+            if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
+                let path = path.display();
+                tell(&format!(
+                    "warning: {path} holds colours of a display, white being 1, and pictures are nits"
+                ));
+            }
             let (width, height) = truth.image.size();
             if [width, height] != session.size {
                 let [w, h] = session.size;
