@@ -13,7 +13,7 @@ use crate::{Kit, shaders};
 /// A quantity shown by itself, in the order of `aov.cs.wesl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Aov {
-    /// The part of the light that glows, is background, or reaches its first surface straight, nits; see [`Parts`].
+    /// The part of the light that glows, is background, or reaches its first surface straight, nits; see [`Parts`](super::Parts).
     Direct,
     /// Base colour, linear.
     Albedo,
@@ -147,7 +147,7 @@ impl Aov {
     }
 }
 
-/// Shows single quantities of the surface buffer and of lighting; parts of light are in [`Parts`].
+/// Shows single quantities of the surface buffer and of lighting; parts of light are in [`Parts`](super::Parts).
 #[derive(Debug)]
 pub struct AovPass {
     pipeline: ComputePipeline,
