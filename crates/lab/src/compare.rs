@@ -16,7 +16,8 @@ use crate::part::Part;
 use crate::row::Columns;
 use crate::session::{Tell, by_key, camera_text};
 use crate::technique::{Method, Technique};
-use crate::truth::{Floor, Truth, TruthOptions, Truths};
+use crate::truth::{Floor, Truth};
+use crate::truths::{TruthOptions, Truths};
 use crate::{Error, Machine, Session};
 
 /// Where the truth comes from.

@@ -181,7 +181,7 @@ mod tests {
         let right = Image::from_fn(96, 64, |x, y| [0.5 + x as f32 / 96.0, 1.0, 0.5 + y as f32 / 64.0]);
         let mut lot = Lot(1);
         let halves = [0, 1].map(|_| lot.image(&right, 0.0, 0.1));
-        let truth = Truth::of_halves_for_tests(&halves);
+        let truth = Truth::of_halves(&halves, 1);
         let square = |image: &Image| {
             let all = image.pixels().iter().flatten();
             all.clone().map(|v| f64::from(*v).powi(2)).sum::<f64>() / all.count() as f64

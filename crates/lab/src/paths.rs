@@ -7,7 +7,7 @@ use crate::cache::Cache;
 use crate::filter::{Features, filter};
 use crate::part::Part;
 use crate::session::{camera_text, truth_settings};
-use crate::truth::{layers, part_of};
+use crate::trace::{layers, part_of};
 use crate::{Error, Machine, Session};
 
 /// What tells edges.

@@ -7,7 +7,7 @@ use crate::truth::Floor;
 use crate::{Machine, Session};
 
 /// The columns of `results.csv` and of a sweep's rows. Errors are shares of the truth's mean, times are milliseconds of GPU
-/// time but for `wall_ms`.
+/// time but for `wall_ms`: those alone differ from run to run of the same command.
 #[derive(Clone, Debug, Serialize)]
 #[expect(missing_docs, reason = "as in Figures, Cost and Floor")]
 pub struct Columns {
@@ -44,9 +44,6 @@ pub struct Columns {
     pub adapter: String,
     pub chiaro: &'static str,
 }
-
-/// Columns that differ from run to run of the same command; all others are the same to the digit.
-pub const TIMES: [&str; 6] = ["span_ms", "span_iqr_ms", "sum_ms", "sum_iqr_ms", "wall_ms", "paths_ms"];
 
 impl Columns {
     /// Of a technique by this name.

@@ -12,9 +12,9 @@
 //! | input | output | format | unit |
 //! | --- | --- | --- | --- |
 //! | frame, scene groups, `tracer`, `emitters`, photons | sum | Rgba32Float, a pair of them | nits summed over samples; alpha sums coverage |
-//! | | squares | the same | their squares, nits² |
-//! | | direct | the same | the part of light that is met, or that falls straight on the first surface that scatters, nits |
-//! | | caustics | the same | the part that comes to that surface through mirrors and smooth interfaces alone, nits |
+//! | | squares | Rgba32Float | their squares, nits² |
+//! | | direct | Rgba32Float | the part of light that is met, or that falls straight on the first surface that scatters, nits |
+//! | | caustics | Rgba32Float | the part that comes to that surface through mirrors and smooth interfaces alone, nits |
 //!
 //! All are layers of one array ([`PathSum`]). What is left of the sum, light that was scattered before, is indirect.
 //!
