@@ -6,7 +6,7 @@ use chiaro_gpu::Gpu;
 use chiaro_techniques::caustics::CausticsSettings;
 use chiaro_techniques::choice;
 use chiaro_techniques::environment::EnvironmentSettings;
-use chiaro_techniques::indirect::IndirectSettings;
+use chiaro_techniques::indirect::{IndirectSettings, Technique};
 use chiaro_techniques::post::{Aov, CameraSettings, PostSettings, Smoothing};
 use chiaro_techniques::settings::{Clause, Condition, Effect, Field, SettingsGroup, Value};
 use chiaro_techniques::shadow::{Layout, ShadowSettings};
@@ -103,7 +103,7 @@ groups! {
 }
 
 /// Presets by name: a sentence and the keys they set.
-const PRESETS: [(&str, &str, &[(&str, &str)]); 4] = [
+const PRESETS: [(&str, &str, &[(&str, &str)]); 6] = [
     ("default", "what chiaro thinks looks right", &[]),
     (
         "direct",
@@ -112,12 +112,39 @@ const PRESETS: [(&str, &str, &[(&str, &str)]); 4] = [
     ),
     (
         "fast",
-        "for weak GPUs: smaller shadow maps, one-tap filter",
+        "for weak GPUs: smaller shadow maps, one-tap filter, fewer points in smaller imperfect shadow maps",
         &[
             ("shadow.resolution", "1024"),
             ("shadow.pcf_kernel", "2"),
             ("surface.anisotropy", "4"),
             ("surface.msaa", "1"),
+            ("indirect.vpls", "1024"),
+            ("indirect.ism_resolution", "64"),
+            ("indirect.points_per_vpl", "2000"),
+        ],
+    ),
+    (
+        "high",
+        "for fast GPUs and stills: four times as many virtual lights",
+        &[("indirect.vpls", "4096"), ("indirect.ism_resolution", "128"), ("indirect.points_per_vpl", "8000")],
+    ),
+    (
+        "thesis-indirect",
+        "the global illumination thesis' own choices: 1,024 virtual lights by Halton, maps of 128² and 8,000 points, \
+         two levels of pull-push, 4×4 interleaved, a discontinuity buffer",
+        &[
+            ("surface.lighting", "lambert"),
+            ("indirect.technique", "ism"),
+            ("indirect.vpls", "1024"),
+            ("indirect.sampling", "halton"),
+            ("indirect.rsm_resolution", "512"),
+            ("indirect.ism_resolution", "128"),
+            ("indirect.points_per_vpl", "8000"),
+            ("indirect.pull_push.levels", "2"),
+            ("indirect.interleave", "4"),
+            ("indirect.filter", "discontinuity"),
+            ("indirect.filter_width", "5"),
+            ("caustics.technique", "none"),
         ],
     ),
     (
@@ -215,7 +242,7 @@ impl Settings {
 
     /// Whether any technique shoots rays through the scene's trees.
     pub fn shoots_rays(&self) -> bool {
-        self.shadow.layout == Layout::Traced
+        self.shadow.layout == Layout::Traced || self.indirect.technique == Technique::Traced
     }
 
     /// The same with nothing left to the adapter.
@@ -232,6 +259,9 @@ impl Settings {
             }
         };
         let mut settings = self.effective();
+        if settings.indirect.technique == Technique::Auto {
+            settings.indirect.technique = Technique::Ambient;
+        }
         let shadow = &mut settings.shadow;
         choose(&mut settings.surface.raster, true);
         choose(&mut shadow.raster, ComputeRaster::views_in(binding_bytes, [shadow.resolution; 2]) > 0);

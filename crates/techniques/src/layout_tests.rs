@@ -246,7 +246,7 @@ fn rust_structs_equal_their_wesl_twins() {
     let points = &linked("indirect/points/update.cs.wesl");
     same!(points, PointFacts, "PointFacts", count, point_m2, reserved0, reserved1);
     let splat = &linked("indirect/ism/splat.cs.wesl");
-    same!(splat, Vpl, "Vpl", position_ws, normal, flux, subset);
+    same!(splat, Vpl, "Vpl", position_ws, normal, flux, block_radius);
     same!(
         splat,
         IsmData,

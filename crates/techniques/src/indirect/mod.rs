@@ -5,9 +5,11 @@
 pub mod ism;
 mod openness;
 pub mod points;
+mod settings;
 mod vpl;
 
 pub use openness::{Openness, SkyView};
+pub use settings::{IndirectSettings, IrradianceFilter, IsmResolution, Technique, VplSampling};
 pub use vpl::Vpl;
 
 use std::f32::consts::PI;
@@ -15,29 +17,6 @@ use std::f32::consts::PI;
 use glam::{Vec3, Vec4};
 
 use crate::frame::LightData;
-use crate::{choice, settings};
-
-choice! {
-    /// Where indirect light comes from.
-    pub enum Technique {
-        /// A far environment as bright as the scene's lights would make a grey room of its size, brighter on the side
-        /// that they shine at.
-        Ambient = "ambient",
-        /// None: the light of lamps alone. Environment, sky and what glows are seen, straight and in what mirrors, but light
-        /// nothing.
-        None = "none",
-    }
-}
-
-settings! {
-    /// Indirect light.
-    pub struct IndirectSettings: "indirect" {
-        /// Where indirect light comes from. With none environment, sky and glowing meshes light nothing either: they are seen
-        /// as background and glow, and a stand-in for reflections shows the environment, or the sky's share that the eye
-        /// sees, in metals and gloss.
-        technique: Technique = Technique::Ambient, "", (), Uniform;
-    }
-}
 
 /// Mean albedo that the ambient estimate assumes.
 const MEAN_ALBEDO: f32 = 0.5;
@@ -45,13 +24,6 @@ const MEAN_ALBEDO: f32 = 0.5;
 const LEAST_OPEN: f32 = 0.08;
 /// A lamp stands within the room, so half of its light's first bounce comes from beside and behind it.
 const LAMP_AHEAD: f32 = 0.5;
-
-impl Technique {
-    /// Whether the environment, the sky and glowing meshes are sources of light beside lamps.
-    pub fn lights_by_all(self) -> bool {
-        self != Self::None
-    }
-}
 
 /// Irradiance over π that stands in for indirect light, at the eye and taken for the whole scene: for red, green and blue
 /// the gradient along the normal, then the mean; nits. Nowhere negative.

@@ -15,15 +15,32 @@ pub struct Vpl {
     pub normal: u32,
     /// Reflected flux in lumens, red, green and blue: albedo × incident flux, over its probability.
     pub flux: [f32; 3],
-    /// Number of its block of points.
-    pub subset: u32,
+    /// Number of its block of points in the lower 16 bits; in the upper ones log2 of its radius as a half float.
+    pub block_radius: u32,
 }
 
+/// log2 of the radius of what has none, metres.
+const NO_RADIUS: f32 = -60.0;
+
 impl Vpl {
-    /// With a unit normal, which is rounded by less than 7·10⁻⁵ rad.
-    pub fn new(position_ws: Vec3, normal_ws: Vec3, flux: Vec3, subset: u32) -> Self {
+    /// With a unit normal, which is rounded by less than 7·10⁻⁵ rad;
+    /// `block`: below 65,536. It stands for a place alone: see [`Vpl::with_radius`].
+    pub fn new(position_ws: Vec3, normal_ws: Vec3, flux: Vec3, block: u32) -> Self {
         let (position_ws, flux) = (position_ws.to_array(), flux.to_array());
-        Self { position_ws, normal: normal_word(normal_ws), flux, subset }
+        let point = Self { position_ws, normal: normal_word(normal_ws), flux, block_radius: block & 0xffff };
+        point.with_radius(0.0)
+    }
+
+    /// Stands for a disc of this radius, metres.
+    #[must_use]
+    pub fn with_radius(self, metres: f32) -> Self {
+        let octaves = half::f16::from_f32(metres.log2().max(NO_RADIUS));
+        Self { block_radius: self.block_radius & 0xffff | u32::from(octaves.to_bits()) << 16, ..self }
+    }
+
+    /// Number of its block of points.
+    pub fn block(&self) -> u32 {
+        self.block_radius & 0xffff
     }
 
     /// The unit normal.

@@ -59,10 +59,6 @@
 //! a point to place at about 80, 25 M texels to draw at 40, 17 M to fill at 40, together 4.3 Gflop, at 50 Tflop/s 0.09 ms. So
 //! bytes are the limit, and three dispatches of 6 µs.
 
-mod options;
-
-pub use options::{IsmOptions, IsmResolution};
-
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
@@ -70,6 +66,7 @@ use chiaro_gpu::{
     TextureOptions, ViewHint,
 };
 
+use super::settings::IndirectSettings;
 use crate::{Kit, Pass, shaders};
 
 const ATLAS: ViewHint = ViewHint::scaled(
@@ -152,7 +149,7 @@ impl IsmPlan {
     /// # Errors
     /// [`GpuError::TooLarge`] when they take more than [`Ism::MOST_BYTES`], a tile more than a binding, or they are more than
     /// 65,535.
-    pub fn new(gpu: &Gpu, settings: &IsmOptions, vpls: u32) -> Result<Self, GpuError> {
+    pub fn new(gpu: &Gpu, settings: &IndirectSettings, vpls: u32) -> Result<Self, GpuError> {
         let limits = &gpu.limits;
         Self::within(limits.max_storage_buffer_binding_size.min(limits.max_buffer_size), settings, vpls)
     }
@@ -161,7 +158,7 @@ impl IsmPlan {
     ///
     /// # Errors
     /// As [`IsmPlan::new`].
-    pub fn within(buffer_bytes: u64, settings: &IsmOptions, vpls: u32) -> Result<Self, GpuError> {
+    pub fn within(buffer_bytes: u64, settings: &IndirectSettings, vpls: u32) -> Result<Self, GpuError> {
         let resolution = settings.ism_resolution.texels();
         let levels = settings.levels.min(resolution.ilog2());
         let tile = 4 * u64::from(resolution).pow(2);
@@ -330,7 +327,7 @@ impl Ism {
     pub fn record<'r>(
         &self,
         frame: &mut Frame<'_>,
-        settings: &IsmOptions,
+        settings: &IndirectSettings,
         inputs: &IsmInputs<'_>,
         room: &'r IsmRoom,
     ) -> &'r [IsmAtlas] {

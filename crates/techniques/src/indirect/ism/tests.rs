@@ -1,13 +1,13 @@
-use super::options::IsmResolution;
 use super::*;
+use crate::indirect::IsmResolution;
 
-fn settings(ism_resolution: IsmResolution, levels: u32) -> IsmOptions {
-    IsmOptions { ism_resolution, levels, ..IsmOptions::default() }
+fn settings(ism_resolution: IsmResolution, levels: u32) -> IndirectSettings {
+    IndirectSettings { ism_resolution, levels, ..IndirectSettings::default() }
 }
 
 #[test]
 fn the_defaults_fit_the_guaranteed_binding_and_take_what_the_module_says() {
-    let plan = IsmPlan::within(128 << 20, &IsmOptions::default(), 1024).unwrap();
+    let plan = IsmPlan::within(128 << 20, &IndirectSettings::default(), 1024).unwrap();
     assert_eq!((plan.tiles, plan.levels, plan.blocks()), (1024, 2, 4));
     assert_eq!(plan.bytes(), (64 + 20) << 20);
 }

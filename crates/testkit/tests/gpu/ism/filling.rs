@@ -12,12 +12,12 @@ fn filled(levels: u32, texels: &[(u32, u32, f32)]) -> [Vec<u32>; 2] {
     filled_with(texels, &settings(IsmResolution::Side32, levels))
 }
 
-fn filled_with(texels: &[(u32, u32, f32)], settings: &IsmOptions) -> [Vec<u32>; 2] {
+fn filled_with(texels: &[(u32, u32, f32)], settings: &IndirectSettings) -> [Vec<u32>; 2] {
     let gpu = device();
     let points = pattern(SIDE, texels);
-    let settings = IsmOptions { points_per_vpl: points.len() as u32, ..settings.clone() };
+    let settings = IndirectSettings { points_per_vpl: points.len() as u32, ..settings.clone() };
     let vpls = [vpl(Vec3::ZERO, Vec3::Z, 0)];
-    let none = IsmOptions { levels: 0, ..settings.clone() };
+    let none = IndirectSettings { levels: 0, ..settings.clone() };
     let mut rig = Rig::new(&gpu, none, (&points, SPECK_M2, FAR), &vpls);
     let before = rig.words();
     assert_eq!(before.iter().filter(|word| **word != EMPTY).count(), texels.len());
@@ -96,7 +96,7 @@ fn an_empty_tile_stays_empty_and_none_fills_another() {
     points.extend(pattern(SIDE, &(12..20).map(|y| (0, y, 2.0)).collect::<Vec<_>>()));
     let vpls: Vec<_> = (0..3).map(|subset| vpl(Vec3::ZERO, Vec3::Z, subset)).collect();
     for levels in 0..6 {
-        let settings = IsmOptions { points_per_vpl: 8, ..settings(IsmResolution::Side32, levels) };
+        let settings = IndirectSettings { points_per_vpl: 8, ..settings(IsmResolution::Side32, levels) };
         let rig = Rig::new(&gpu, settings, (&points, SPECK_M2, FAR), &vpls);
         let words = rig.words();
         let tiles: Vec<_> = words.chunks(1024).map(|tile| tile.iter().any(|word| *word != EMPTY)).collect();
@@ -122,7 +122,8 @@ fn what_is_far_behind_counts_not_and_is_closed_where_it_shows_through() {
         .map(|(x, y, _)| (x, y, if through(x, y) { 3.0 } else { 1.0 }))
         .collect();
     let with = |pull_threshold, push_threshold| {
-        let settings = IsmOptions { pull_threshold, push_threshold, ..settings(IsmResolution::Side32, 2) };
+        let settings =
+            IndirectSettings { pull_threshold, push_threshold, ..settings(IsmResolution::Side32, 2) };
         filled_with(&texels, &settings)
     };
     let [before, after] = with(0.1, 0.2);
@@ -166,7 +167,7 @@ fn what_is_in_front_gets_no_rim_and_keeps_wide_gaps() {
 }
 
 /// Pull-push of one tile on the CPU: depths of 0..1, 2 where there is nothing.
-fn twin(side: u32, depths: &[f32], settings: &IsmOptions) -> Vec<f32> {
+fn twin(side: u32, depths: &[f32], settings: &IndirectSettings) -> Vec<f32> {
     let levels = settings.levels.min(side.ilog2());
     let limit = |base: f32, level: u32| 1.0 + base * (1 << level) as f32;
     let mut all = vec![depths.to_vec()];
@@ -240,7 +241,7 @@ fn every_size_and_number_of_levels_is_what_the_cpu_fills() {
         (IsmResolution::Side256, 8),
     ] {
         let side = resolution.texels();
-        let with = |levels| IsmOptions { points_per_vpl: 600, ..settings(resolution, levels) };
+        let with = |levels| IndirectSettings { points_per_vpl: 600, ..settings(resolution, levels) };
         let mut rig = Rig::new(&gpu, with(0), (&points, SPECK_M2, FAR), &vpls);
         let before = rig.words();
         let depths: Vec<_> = before.iter().map(|word| depth_of(*word).unwrap_or(2.0)).collect();
@@ -270,7 +271,8 @@ fn every_size_and_number_of_levels_is_what_the_cpu_fills() {
 fn pictures_show_tiles_before_and_after() {
     let gpu = device();
     let points = pattern(SIDE, &square(10, 22, |x, y| (x, y) != (15, 15)));
-    let settings = IsmOptions { points_per_vpl: points.len() as u32, ..settings(IsmResolution::Side32, 2) };
+    let settings =
+        IndirectSettings { points_per_vpl: points.len() as u32, ..settings(IsmResolution::Side32, 2) };
     let rig = Rig::new(&gpu, settings, (&points, SPECK_M2, FAR), &[vpl(Vec3::ZERO, Vec3::Z, 0)]);
     let [before, after] = [0, 1].map(|which| rig.picture(which));
     assert_eq!(before.len(), 1024);

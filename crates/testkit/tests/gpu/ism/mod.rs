@@ -9,9 +9,8 @@ use std::f32::consts::PI;
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::{Buffer, BufferReadback, Dispatch, Gpu, Readback, Recorder};
 use chiaro_techniques::Pass;
-use chiaro_techniques::indirect::Vpl;
 use chiaro_techniques::indirect::ism::{Ism, IsmInputs, IsmPlan, IsmRoom};
-use chiaro_techniques::indirect::ism::{IsmOptions, IsmResolution};
+use chiaro_techniques::indirect::{IndirectSettings, IsmResolution, Vpl};
 use chiaro_testkit::Bench;
 use glam::{Mat3, Vec2, Vec3};
 
@@ -51,8 +50,8 @@ fn frame(n: Vec3) -> Mat3 {
     )
 }
 
-fn settings(ism_resolution: IsmResolution, levels: u32) -> IsmOptions {
-    IsmOptions { ism_resolution, levels, ..IsmOptions::default() }
+fn settings(ism_resolution: IsmResolution, levels: u32) -> IndirectSettings {
+    IndirectSettings { ism_resolution, levels, ..IndirectSettings::default() }
 }
 
 fn vpl(position: Vec3, normal: Vec3, subset: u32) -> Vpl {
@@ -82,7 +81,7 @@ struct Rig<'a> {
     gpu: &'a Gpu,
     bench: Bench,
     ism: Ism,
-    settings: IsmOptions,
+    settings: IndirectSettings,
     points: Buffer,
     pool: u32,
     vpls: Buffer,
@@ -96,7 +95,7 @@ impl<'a> Rig<'a> {
     /// Makes the maps; `area_m2` is that of all points of a block.
     fn new(
         gpu: &'a Gpu,
-        settings: IsmOptions,
+        settings: IndirectSettings,
         (points, area_m2, largest_m): (&[Point], f32, f32),
         vpls: &[Vpl],
     ) -> Self {
@@ -106,7 +105,7 @@ impl<'a> Rig<'a> {
 
     fn with_plan(
         gpu: &'a Gpu,
-        settings: IsmOptions,
+        settings: IndirectSettings,
         (points, area_m2, largest_m): (&[Point], f32, f32),
         vpls: &[Vpl],
         plan: IsmPlan,
@@ -147,7 +146,7 @@ impl<'a> Rig<'a> {
     }
 
     /// The same points with other settings.
-    fn set(&mut self, settings: IsmOptions, vpls: u32) {
+    fn set(&mut self, settings: IndirectSettings, vpls: u32) {
         let plan = IsmPlan::new(self.gpu, &settings, vpls).unwrap();
         if !self.room.serves(plan, true) {
             self.room = self.ism.room(self.gpu, plan, true);

@@ -25,7 +25,8 @@ fn room<'a>(gpu: &'a Gpu, levels: u32, with_plate: bool, vpls: &[Vpl]) -> Rig<'a
     let plate = with_plate.then_some([Vec3::ZERO, PLATE_M * Vec3::X, PLATE_M * Vec3::Y]);
     let rectangles: Vec<_> = walls().into_iter().chain(plate).collect();
     let (points, area) = scatter(&rectangles, POINTS, vpls.len());
-    let settings = IsmOptions { points_per_vpl: POINTS as u32, ..settings(IsmResolution::Side128, levels) };
+    let settings =
+        IndirectSettings { points_per_vpl: POINTS as u32, ..settings(IsmResolution::Side128, levels) };
     Rig::new(gpu, settings, (&points, area, LARGEST_M), vpls)
 }
 

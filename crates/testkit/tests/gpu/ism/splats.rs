@@ -132,14 +132,14 @@ fn tiles_are_what_the_cpu_draws_wherever_their_blocks_of_points_begin() {
     for resolution in
         [IsmResolution::Side32, IsmResolution::Side64, IsmResolution::Side128, IsmResolution::Side256]
     {
-        let settings = IsmOptions { points_per_vpl: 150, ..settings(resolution, 0) };
+        let settings = IndirectSettings { points_per_vpl: 150, ..settings(resolution, 0) };
         let rig = Rig::new(&gpu, settings, (&points, area, 4.0), &vpls);
         let side = resolution.texels();
         let words = rig.words();
         let mut wrong = 0;
         for (vpl, tile) in vpls.iter().zip(words.chunks(side.pow(2) as usize)) {
             let block: Vec<_> =
-                (0..150).map(|i| points[(vpl.subset as usize * 150 + i) % points.len()]).collect();
+                (0..150).map(|i| points[(vpl.block() as usize * 150 + i) % points.len()]).collect();
             let twin = drawn(side, &block, vpl, (area / 150.0, 4.0));
             assert!(tile.iter().any(|word| *word != EMPTY));
             // Rims go either way by rounding; depth by a step.
@@ -161,7 +161,7 @@ fn a_point_covers_the_solid_angle_of_its_disc() {
         (Vec3::new(-0.48, 0.6, 0.64), Vec3::Z),
     ] {
         let point = Point { position: d * w, normal };
-        let settings = IsmOptions { points_per_vpl: 1, ..settings(IsmResolution::Side256, 0) };
+        let settings = IndirectSettings { points_per_vpl: 1, ..settings(IsmResolution::Side256, 0) };
         let rig = Rig::new(&gpu, settings, (&[point], area, 4.0), &[vpl(Vec3::ZERO, Vec3::Z, 0)]);
         let cosine = normal.dot(w).abs();
         let alpha = half_angle_tan(area, cosine, d).atan();
@@ -181,7 +181,7 @@ fn a_plane_of_points_covers_its_share_of_the_hemisphere() {
         let (points, area) = scatter(&[plane], 4000, 1);
         let mut rig = Rig::new(
             &gpu,
-            IsmOptions { points_per_vpl: 4000, ..settings(IsmResolution::Side128, 0) },
+            IndirectSettings { points_per_vpl: 4000, ..settings(IsmResolution::Side128, 0) },
             (&points, area, 4.0),
             &[vpl(Vec3::ZERO, Vec3::Z, 0)],
         );
@@ -211,8 +211,8 @@ fn a_plane_of_points_covers_its_share_of_the_hemisphere() {
     }
 }
 
-fn settings_of(settings: &IsmOptions, levels: u32) -> IsmOptions {
-    IsmOptions { levels, ..settings.clone() }
+fn settings_of(settings: &IndirectSettings, levels: u32) -> IndirectSettings {
+    IndirectSettings { levels, ..settings.clone() }
 }
 
 #[test]
@@ -223,7 +223,7 @@ fn points_of_its_own_plane_and_behind_it_are_not_drawn_and_no_light_needs_no_sha
     let points: Vec<_> =
         heights.iter().map(|z| Point { position: Vec3::new(0.3, 0.2, *z), normal: Vec3::Z }).collect();
     let vpls = [vpl(Vec3::ZERO, Vec3::Z, 0), Vpl::new(Vec3::NEG_Z, Vec3::Z, Vec3::ZERO, 0)];
-    let settings = IsmOptions { points_per_vpl: 4, ..settings(IsmResolution::Side32, 5) };
+    let settings = IndirectSettings { points_per_vpl: 4, ..settings(IsmResolution::Side32, 5) };
     let rig = Rig::new(&gpu, settings, (&points, 4e-2, 4.0), &vpls);
     assert!(rig.words().iter().all(|word| *word == EMPTY));
 }
@@ -233,7 +233,7 @@ fn the_same_points_in_any_order_and_any_number_of_atlases_give_the_same_bits() {
     let gpu = device();
     let (mut points, area) = scatter(&walls(), 1000, 1);
     let vpls: Vec<_> = (0..5).map(|i| vpl(Vec3::splat(-0.2 * i as f32), Vec3::X, 0)).collect();
-    let settings = IsmOptions { points_per_vpl: 1000, ..settings(IsmResolution::Side64, 3) };
+    let settings = IndirectSettings { points_per_vpl: 1000, ..settings(IsmResolution::Side64, 3) };
     let rig = Rig::new(&gpu, settings.clone(), (&points, area, 4.0), &vpls);
     let first = rig.words();
     let mut rig = rig;
@@ -254,7 +254,7 @@ fn tiles_of_vpls_that_there_are_not_are_left_alone() {
     let gpu = device();
     let (points, area) = scatter(&walls(), 100, 1);
     let vpls: Vec<_> = (0..4).map(|_| vpl(Vec3::ZERO, Vec3::X, 0)).collect();
-    let settings = IsmOptions { points_per_vpl: 100, ..settings(IsmResolution::Side32, 2) };
+    let settings = IndirectSettings { points_per_vpl: 100, ..settings(IsmResolution::Side32, 2) };
     let mut rig = Rig::new(&gpu, settings.clone(), (&points, area, 4.0), &vpls);
     rig.vpl_count = rig.bench.buffer("vpl_count", &[3u32, 9, 9, 9]);
     rig.room = rig.ism.room(&gpu, IsmPlan::new(&gpu, &settings, 4).unwrap(), true);

@@ -1,0 +1,165 @@
+//! Settings of indirect light.
+
+use crate::{choice, settings};
+
+choice! {
+    /// Where indirect light comes from.
+    pub enum Technique {
+        /// What is known to be right on every adapter and in every scene: ambient, so far.
+        Auto = "auto",
+        /// A far environment as bright as the scene's lights would make a grey room of its size, brighter on the side
+        /// that they shine at.
+        Ambient = "ambient",
+        /// Virtual point lights where lamps shine (Keller 1997; Dachsbacher & Stamminger 2005, reflective shadow maps), which
+        /// shine through everything.
+        Rsm = "rsm",
+        /// The same with shadows from coarse maps of points (Ritschel et al. 2008, imperfect shadow maps).
+        Ism = "ism",
+        /// The same with shadows by rays, exact and dearer: what imperfect shadow maps are measured by.
+        Traced = "traced",
+        /// None: the light of lamps alone. Environment, sky and what glows are seen, straight and in what mirrors, but light
+        /// nothing.
+        None = "none",
+    }
+}
+
+impl Technique {
+    /// Whether the environment, the sky and glowing meshes are sources of light beside lamps.
+    pub fn lights_by_all(self) -> bool {
+        self != Self::None
+    }
+
+    /// Whether virtual point lights are made.
+    pub fn makes_vpls(self) -> bool {
+        matches!(self, Self::Rsm | Self::Ism | Self::Traced)
+    }
+}
+
+choice! {
+    /// Where virtual lights are put.
+    pub enum VplSampling {
+        /// Candidates by their flux, of which those are kept that bring the picture most (Georgiev & Slusallek 2010).
+        View = "view",
+        /// By flux alone: each carries as much as the others.
+        Importance = "importance",
+        /// Evenly over each light's map.
+        Halton = "halton",
+    }
+}
+
+choice! {
+    /// Texels a side of an imperfect shadow map.
+    pub enum IsmResolution {
+        /// 64 KiB each.
+        Side128 = "128",
+        /// 4 KiB each.
+        Side32 = "32",
+        /// 16 KiB each.
+        Side64 = "64",
+        /// 256 KiB each.
+        Side256 = "256",
+    }
+}
+
+impl IsmResolution {
+    /// How many.
+    pub fn texels(self) -> u32 {
+        match self {
+            Self::Side32 => 32,
+            Self::Side64 => 64,
+            Self::Side128 => 128,
+            Self::Side256 => 256,
+        }
+    }
+}
+
+choice! {
+    /// What smooths interleaved light.
+    pub enum IrradianceFilter {
+        /// A mean over neighbours by how near they are to the pixel's plane and how alike their normals are.
+        Edges = "edges",
+        /// A mean over neighbours up to where depth or normals jump (Segovia et al. 2006, a discontinuity buffer found by
+        /// Roberts' cross).
+        Discontinuity = "discontinuity",
+        /// Nothing: each pixel shows its own share of the virtual lights.
+        None = "none",
+    }
+}
+
+settings! {
+    /// Indirect light.
+    pub struct IndirectSettings: "indirect" {
+        /// Where indirect light comes from. With none environment, sky and glowing meshes light nothing either: they are seen
+        /// as background and glow, and a stand-in for reflections shows the environment, or the sky's share that the eye
+        /// sees, in metals and gloss.
+        technique: Technique = Technique::Auto, "", (), Permutation;
+        /// Virtual lights. More make light smoother and its shadows finer, and cost memory and time in proportion.
+        vpls: u32 = 1024, "", 1..=65_535, Resources,
+            only "indirect.technique=rsm|ism|traced";
+        /// Where virtual lights are put.
+        sampling: VplSampling = VplSampling::View, "", (), Uniform,
+            only "indirect.technique=rsm|ism|traced";
+        /// Candidates for each virtual light that is kept. More find better ones, and cost a few nanoseconds each.
+        candidates: u32 = 4, "", 1..=16, Resources,
+            only "indirect.technique=rsm|ism|traced and indirect.sampling=view";
+        /// Texels a side of a light's reflective shadow map; those of a point light's six faces have half as many. More place
+        /// virtual lights finer, and cost 12 bytes a texel.
+        rsm_resolution: u32 = 512, "texels", 64..=4096, Resources,
+            only "indirect.technique=rsm|ism|traced";
+        /// Reflective shadow maps drawn a frame at most, when lights or things move; the others wait for their turn. More
+        /// follow motion sooner.
+        rsm_maps: u32 = 12, "", 1..=63, Uniform,
+            only "indirect.technique=rsm|ism|traced";
+        /// Points of the scene that imperfect shadow maps draw from, each a block of its own as long as they last. More make
+        /// errors of different virtual lights more independent, and cost 28 bytes each.
+        points: u32 = 1_048_576, "", 1024..=8_388_608, Resources,
+            only "indirect.technique=ism";
+        /// Points of the scene that are drawn into each shadow map. More make smaller discs, so that blockers keep
+        /// their shape, and cost 16 bytes to read and a disc to draw each; with few, maps are blobs.
+        points_per_vpl: u32 = 8000, "", 1..=8192, Uniform,
+            only "indirect.technique=ism";
+        /// Texels a side of each virtual light's shadow map. More keeps smaller gaps and thinner blockers apart where there are
+        /// points enough, and takes 4 bytes a texel (a third more with pull-push) and as much bandwidth; points are read once for
+        /// every 64² texels.
+        ism_resolution: IsmResolution = IsmResolution::Side128, "texels", (), Resources,
+            only "indirect.technique=ism";
+        /// Whether shadows are blended from four texels.
+        ism_closer: bool = false, "", (), Permutation,
+            only "indirect.technique=ism";
+        /// Coarser levels from which holes between points are filled; 0 fills none, and more than the map has count as all. Each
+        /// doubles the holes that are closed, and what is filled beyond a blocker's edge with them. The first costs most of the
+        /// time that all do.
+        levels as "pull_push.levels": u32 = 2, "levels", 0..=8, Resources,
+            only "indirect.technique=ism";
+        /// How far behind the nearest of four texels another may be to count for the coarser level, relative to the nearest;
+        /// doubles from level to level. More blends what is in front with what is behind, less leaves slanted surfaces with what is
+        /// nearest.
+        pull_threshold as "pull_push.pull_threshold": f32 = 0.1, "", 0.0..=10.0, Uniform,
+            only "indirect.technique=ism and indirect.pull_push.levels!=0";
+        /// How far behind all of the coarser level around it a texel must be to be taken for a hole in what is in front, relative
+        /// to that level; doubles from level to level, and 0 fills only texels without points. Less closes more such holes, and
+        /// more of the gaps that there are.
+        push_threshold as "pull_push.push_threshold": f32 = 0.2, "", 0.0..=10.0, Uniform,
+            only "indirect.technique=ism and indirect.pull_push.levels!=0";
+        /// Side of the squares of pixels among which virtual lights are dealt out: of 4 each pixel is lit by a 16th of them. More
+        /// is faster, and is blurred more.
+        interleave: u32 = 4, "pixels", 1..=8, Uniform,
+            only "indirect.technique=rsm|ism|traced";
+        /// Radius at which a virtual light's nearness is bounded, in radii of the disc that it stands for. 0 bounds nothing:
+        /// corners get bright spots. More darkens corners.
+        clamp: f32 = 1.0, "radii", 0.0..=16.0, Uniform,
+            only "indirect.technique=rsm|ism|traced";
+        /// What smooths interleaved light.
+        filter: IrradianceFilter = IrradianceFilter::Edges, "", (), Permutation,
+            only "indirect.technique=rsm|ism|traced and indirect.interleave!=1";
+        /// Width of the mean: neighbours that take part, across and down.
+        filter_width: u32 = 5, "pixels", 3..=9, Uniform,
+            only "indirect.filter=discontinuity";
+        /// How far depth may jump from pixel to pixel within a surface, relative to it.
+        discontinuity_depth as "discontinuity.depth": f32 = 0.02, "", 0.0..=1.0, Uniform,
+            only "indirect.filter=discontinuity";
+        /// How far the cosine between neighbouring normals may fall within a surface.
+        discontinuity_normal as "discontinuity.normal": f32 = 0.2, "", 0.0..=2.0, Uniform,
+            only "indirect.filter=discontinuity";
+    }
+}
