@@ -10,6 +10,8 @@ use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::indirect::Vpl;
 use crate::indirect::ism::IsmData;
 use crate::indirect::points::PointFacts;
+use crate::indirect::rsm::RsmViewData;
+use crate::indirect::vpls::SamplingData;
 use crate::post::{AntialiasData, DebugInput};
 use crate::rays::refit::{NodeBox, RefitJob};
 use crate::reference::first_hit::FirstHitPass;
@@ -245,6 +247,41 @@ fn rust_structs_equal_their_wesl_twins() {
     );
     let points = &linked("indirect/points/update.cs.wesl");
     same!(points, PointFacts, "PointFacts", count, point_m2, reserved0, reserved1);
+    let place = &linked("indirect/vpls/place.cs.wesl");
+    same!(
+        place,
+        SamplingData,
+        "VplSampling",
+        tiles,
+        views,
+        candidates,
+        vpls,
+        round,
+        first_block,
+        mode,
+        by_view,
+        turn,
+        chance,
+        stride,
+    );
+    same!(
+        place,
+        RsmViewData,
+        "RsmView",
+        relative_from_clip,
+        eye_ws,
+        light,
+        axis_ws,
+        texel,
+        first_tile,
+        tiles,
+        side,
+        is_parallel,
+        first,
+        count,
+        reserved0,
+        reserved1,
+    );
     let splat = &linked("indirect/ism/splat.cs.wesl");
     same!(splat, Vpl, "Vpl", position_ws, normal, flux, block_radius);
     same!(

@@ -54,7 +54,14 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("indirect/ism/splat.cs.wesl"),
     shader!("indirect/points/point.wesl"),
     shader!("indirect/points/update.cs.wesl"),
+    shader!("indirect/rsm/light.cs.wesl"),
+    shader!("indirect/rsm/rsm.wesl"),
     shader!("indirect/vpl.wesl"),
+    shader!("indirect/vpls/choose.cs.wesl"),
+    shader!("indirect/vpls/place.cs.wesl"),
+    shader!("indirect/vpls/sampling.wesl"),
+    shader!("indirect/vpls/scan.cs.wesl"),
+    shader!("indirect/vpls/weigh.cs.wesl"),
     shader!("light/froxels.wesl"),
     shader!("light/grid.cs.wesl"),
     shader!("light/incoming.wesl"),
@@ -159,6 +166,10 @@ pub fn permutations() -> Vec<Permutation> {
         "indirect/ism/pull.cs.wesl",
         "indirect/ism/push.cs.wesl",
         "indirect/ism/splat.cs.wesl",
+        "indirect/vpls/choose.cs.wesl",
+        "indirect/vpls/place.cs.wesl",
+        "indirect/vpls/scan.cs.wesl",
+        "indirect/vpls/weigh.cs.wesl",
         "light/grid.cs.wesl",
         "environment/halve.cs.wesl",
         "environment/prefilter.cs.wesl",
@@ -202,7 +213,7 @@ pub fn permutations() -> Vec<Permutation> {
         }
     }
     for source in ShadowSource::ALL {
-        all.extend([aov(source), shadow_alone(source)]);
+        all.extend([aov(source), shadow_alone(source), rsm_light(source)]);
         for a in [false, true] {
             all.extend([shade_layer(a, source), shade(a, source)]);
             all.extend([forward(a, false, source), forward(a, true, source)]);
@@ -296,6 +307,11 @@ pub fn accumulate(raw: bool) -> Permutation {
 /// One quantity of surface or light.
 pub fn aov(shadows: ShadowSource) -> Permutation {
     shadows.flags(Permutation::plain("post/aov.cs.wesl"))
+}
+
+/// What a light's view shows as light that goes on.
+pub fn rsm_light(shadows: ShadowSource) -> Permutation {
+    shadows.flags(Permutation::plain("indirect/rsm/light.cs.wesl"))
 }
 
 /// Shadows for other programs.

@@ -5,8 +5,10 @@
 pub mod ism;
 mod openness;
 pub mod points;
+pub mod rsm;
 mod settings;
 mod vpl;
+pub mod vpls;
 
 pub use openness::{Openness, SkyView};
 pub use settings::{IndirectSettings, IrradianceFilter, IsmResolution, Technique, VplSampling};

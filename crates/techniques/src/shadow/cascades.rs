@@ -14,11 +14,11 @@ use glam::{Mat3, Mat4, Vec2, Vec3};
 
 use super::casters::Shadowed;
 use super::maker::Maker;
-use super::project::{corners, light_axes, reversed_orthographic, slack};
 use super::views::{ShadowView, ShadowViews, SunFit};
 use super::{CameraView, CascadeSelect, Fit, FitInputs, Representation};
 use crate::frame::{LightData, ShadowViewData};
 use crate::shaders;
+use crate::view::project::{corners, light_axes, reversed_orthographic, slack};
 use crate::view::{Hole, ViewData};
 
 /// Radii are rounded up to these parts of an octave, so that rounding errors do not move edges.

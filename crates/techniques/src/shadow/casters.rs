@@ -11,8 +11,8 @@
 use chiaro_scene as cs;
 use glam::{Affine3A, Vec3};
 
-use super::project::corners;
 use crate::scene::motion::{bounds_over_time, union};
+use crate::view::project::corners;
 
 /// A box: smallest and largest corner, world space, metres.
 type Bounds = (Vec3, Vec3);

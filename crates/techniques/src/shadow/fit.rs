@@ -4,11 +4,11 @@ use glam::{Mat4, Vec3};
 
 use super::maker::Maker;
 use super::moments::Moments;
-use super::project::light_axes;
 use super::tint::TintMaps;
 use super::views::{FitInputs, ShadowView, ShadowViews};
 use super::{Filter, Layout, PointLayout, ShadowSettings, cascades, single};
 use crate::frame::{LightData, MAX_SHADOW_VIEWS, ShadowViewData};
+use crate::view::project::light_axes;
 use crate::view::raster::ComputeRaster;
 
 /// A perspective map covers at most this angle from side to side; wider cones take a point light's layout.

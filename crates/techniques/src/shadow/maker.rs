@@ -4,9 +4,9 @@ use glam::{Mat4, Vec2, Vec3};
 
 use super::Filter;
 use super::casters::Shadowed;
-use super::project::{corners, light_axes, reversed_perspective};
 use super::views::{FitInputs, ShadowView};
 use crate::frame::ShadowViewData;
+use crate::view::project::{corners, light_axes, reversed_perspective};
 
 /// A local light's near plane as a share of the scene's extent. Reversed float depth keeps its precision whatever it is.
 const NEAR_SHARE: f32 = 1e-4;

@@ -22,7 +22,6 @@ mod casters;
 mod fit;
 mod maker;
 pub mod moments;
-mod project;
 mod record;
 mod settings;
 mod single;

@@ -4,9 +4,9 @@ use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::CameraView;
 use super::maker::Maker;
-use super::project::{corners, light_axes, reversed_orthographic, slack};
 use super::views::ShadowView;
 use crate::frame::{LightData, ShadowViewData};
+use crate::view::project::{corners, light_axes, reversed_orthographic, slack};
 
 pub(super) fn fit(light: &LightData, make: &Maker<'_>, layer: u32) -> ShadowView {
     let bounds = make.shadowed(light.direction_ws.into()).region;

@@ -2,10 +2,10 @@
 
 use glam::{Mat4, Vec2, Vec3};
 
-use super::project::{corners, reversed_perspective};
 use super::*;
 use crate::frame::LightData;
 use crate::view::Raster;
+use crate::view::project::{corners, reversed_perspective};
 
 fn light(kind: u32, direction: Vec3) -> LightData {
     LightData {

@@ -17,6 +17,7 @@
 
 pub mod culling;
 mod motion_vectors;
+pub mod project;
 pub mod raster;
 mod settings;
 mod table;
