@@ -48,6 +48,9 @@ pub enum Error {
     /// Rays were asked for, and the scene has no trees for them.
     #[error("settings shoot rays at a scene that has no trees for them: give it some by `Renderer::equip`")]
     NoTrees,
+    /// Imperfect shadow maps were asked for, and the scene has no points to draw them from.
+    #[error("settings draw imperfect shadow maps of a scene that has no points: give it some by `Renderer::equip`")]
+    NoPoints,
     /// A pose or trees that are not of the scene that was loaded.
     #[error("{what} of another scene: {problem}")]
     Foreign {

@@ -56,6 +56,7 @@ pub mod alone;
 mod canvas;
 pub mod environment;
 mod error;
+mod indirect;
 mod jitter;
 mod left;
 mod loaded;

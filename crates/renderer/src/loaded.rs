@@ -4,6 +4,7 @@ use chiaro_scene::{Id, Pose, Scene};
 use chiaro_techniques::environment::EnvironmentMap;
 use chiaro_techniques::frame::LightData;
 use chiaro_techniques::indirect::Openness;
+use chiaro_techniques::indirect::points::PointData;
 use chiaro_techniques::light::{illuminance_scale, light_data};
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::Casters;
@@ -38,6 +39,8 @@ pub struct LoadedScene {
     pub(crate) pose: Pose,
     /// For rays.
     pub(crate) trees: Option<Trees>,
+    /// For imperfect shadow maps.
+    pub(crate) points: Option<PointData>,
 }
 
 /// Stored radiance of a white surface under the brightest light, in general. Half floats reach 65,504 above and 2⁻²⁴
@@ -59,7 +62,7 @@ impl LoadedScene {
         let (lights, directional) = light_data(scene, &pose);
         let casters = Casters::new(scene, &pose, &[]);
         let radiance_scale = radiance_scale((&gpu, &casters), scene, &lights, environment.as_ref());
-        Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose, trees: None }
+        Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose, trees: None, points: None }
     }
 
     /// Directional lights first.
@@ -81,6 +84,19 @@ impl LoadedScene {
     /// [`LoadedScene::give_trees`] takes them. [`crate::Renderer::load`] and [`crate::Renderer::equip`] do both.
     pub fn lacks_trees(&self, settings: &Settings) -> bool {
         settings.shoots_rays() && self.trees.is_none()
+    }
+
+    /// Whether settings draw imperfect shadow maps, and the scene has no points for them, or others: [`PointData::build`] makes
+    /// some by [`Settings::points`], and [`LoadedScene::give_points`] takes them. [`crate::Renderer::load`] and
+    /// [`crate::Renderer::equip`] do both.
+    pub fn lacks_points(&self, settings: &Settings) -> bool {
+        let options = settings.points();
+        options.is_some_and(|options| self.points.as_ref().is_none_or(|points| *points.options() != options))
+    }
+
+    /// Takes points of this scene, in whatever pose they were chosen.
+    pub fn give_points(&mut self, points: PointData) {
+        self.points = Some(points);
     }
 
     /// Takes trees of this scene, in whatever pose they were built. [`crate::Renderer::plan`] then tells what is to be

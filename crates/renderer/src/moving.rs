@@ -19,6 +19,8 @@ pub enum Sampling {
         jitter_px: Vec2,
         /// How much smaller than a pixel textures are filtered: 1/√frames averaged.
         footprint_scale: f32,
+        /// Its number among those that are averaged: each has random choices of its own.
+        round: u32,
     },
     /// A frame of a picture that moves: jittered and averaged over time as `post.antialias` says.
     Moving,
@@ -27,6 +29,12 @@ pub enum Sampling {
 }
 
 impl Sampling {
+    /// The frame of that number among those that are averaged.
+    pub fn nth(jitter: &Jitter, index: u32) -> Self {
+        let (jitter_px, footprint_scale) = (jitter.offset_px(index), jitter.footprint_scale());
+        Self::Single { jitter_px, footprint_scale, round: index }
+    }
+
     /// Whether the frame is one of a picture that moves.
     pub(crate) fn moves(self) -> bool {
         matches!(self, Self::Moving | Self::Steady)
@@ -35,7 +43,7 @@ impl Sampling {
 
 impl From<(Vec2, f32)> for Sampling {
     fn from((jitter_px, footprint_scale): (Vec2, f32)) -> Self {
-        Self::Single { jitter_px, footprint_scale }
+        Self::Single { jitter_px, footprint_scale, round: 0 }
     }
 }
 

@@ -2,6 +2,11 @@
 
 use chiaro_gpu::{GpuError, parallel};
 use chiaro_techniques::direct::{DirectLight, Permutations};
+use chiaro_techniques::indirect::gather::{Gather, GatherKey};
+use chiaro_techniques::indirect::ism::Ism;
+use chiaro_techniques::indirect::points::Points;
+use chiaro_techniques::indirect::rsm::Rsm;
+use chiaro_techniques::indirect::vpls::Vpls;
 use chiaro_techniques::post::Antialias;
 use chiaro_techniques::rays::Refit;
 use chiaro_techniques::scene::SceneFacts;
@@ -89,6 +94,15 @@ passes! {
     motion: Motion = |_, _| ();
     motion_vectors: MotionVectors = |_, facts: SceneFacts| facts.see_through();
     antialias: Option<Antialias> = |settings: &Settings, _| settings.smooths().then_some(());
+    points: Option<Points> = |settings: &Settings, facts| settings.points().is_some().then_some(facts);
+    rsm: Option<Rsm> = |settings: &Settings, facts| {
+        settings.indirect.technique.makes_vpls().then(|| (Lookup::new(&settings.shadow), facts))
+    };
+    vpls: Option<Vpls> = |settings: &Settings, _| settings.indirect.technique.makes_vpls().then_some(());
+    ism: Option<Ism> = |settings: &Settings, _| settings.points().is_some().then_some(());
+    gather: Option<Gather> = |settings: &Settings, facts| {
+        GatherKey::new(&settings.indirect, settings.shadow.transmission_tint, facts)
+    };
     refit: Option<Refit> = |settings: &Settings, _| settings.shoots_rays().then_some(());
 }
 

@@ -1,16 +1,17 @@
 //! The frame functions: one straight line each.
 
 use chiaro_gpu::{Buffer, Frame, Texture, wgpu};
-use chiaro_techniques::direct::LightRoom;
+use chiaro_techniques::direct::{LightInputs, LightRoom};
 use chiaro_techniques::frame::{FrameData, FrameGroup};
 use chiaro_techniques::post::{AntialiasRoom, Parts};
 use chiaro_techniques::shadow::{
     ShadowInputs, ShadowOutputs, ShadowPlan, ShadowRoom, ShadowSettings, ShadowViews,
 };
-use chiaro_techniques::transparency::LayerRoom;
+use chiaro_techniques::transparency::{GatherLayer, LayerRoom};
 use chiaro_techniques::view::culling::{DrawLists, ListRoom};
 use chiaro_techniques::view::{MotionOutputs, MotionRoom, SurfaceBuffer, SurfaceRoom, ViewTable};
 
+use crate::indirect::{IndirectPlan, IndirectRooms, VplInputs};
 use crate::moving::Moves;
 use crate::passes::Passes;
 use crate::view_state::Rooms;
@@ -43,6 +44,7 @@ pub(crate) struct FrameInputs<'a> {
     pub group: &'a FrameGroup,
     pub shadow_views: &'a ShadowViews,
     pub shadow_plan: &'a ShadowPlan,
+    pub indirect: Option<&'a IndirectPlan>,
     pub wants_surface: bool,
     pub moves: Option<&'a Moves>,
     pub data: FrameData,
@@ -101,14 +103,14 @@ pub(crate) fn record(
     inputs: &FrameInputs<'_>,
     rooms: &mut Rooms,
 ) -> FrameOutputs {
-    let Rooms { views, lists, surface, shadow, light, layers, motion, antialias } = rooms;
+    let Rooms { views, lists, surface, shadow, light, layers, motion, antialias, indirect } = rooms;
     let (Some(lists), Some(surface), Some(shadow), Some(light)) = (lists, surface, shadow, light) else {
         unreachable!("what is prepared has room")
     };
     let rooms = FrameRooms { views, lists, surface, light, layers: layers.as_ref() };
     let (lists, outputs) = match settings.pipeline {
-        Pipeline::Deferred => deferred(&settings.shadow, passes, frame, inputs, (&rooms, shadow)),
-        Pipeline::Forward => forward(&settings.shadow, passes, frame, inputs, (&rooms, shadow)),
+        Pipeline::Deferred => deferred(settings, passes, frame, inputs, (&rooms, shadow, indirect)),
+        Pipeline::Forward => forward(settings, passes, frame, inputs, (&rooms, shadow, indirect)),
     };
     match (inputs.moves, motion) {
         (Some(moves), Some(motion)) if moves.antialias.is_some() || inputs.wants_surface => {
@@ -152,11 +154,11 @@ struct FrameRooms<'a> {
 }
 
 fn deferred(
-    settings: &ShadowSettings,
+    settings: &Settings,
     passes: &Passes,
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
-    (rooms, shadow): (&FrameRooms<'_>, &mut ShadowRoom),
+    (rooms, shadow, indirect): (&FrameRooms<'_>, &mut ShadowRoom, &mut IndirectRooms),
 ) -> (DrawLists, FrameOutputs) {
     let group = inputs.group.group();
     let scene = &inputs.scene.gpu;
@@ -164,15 +166,23 @@ fn deferred(
     let lists = cull(passes, frame, inputs, rooms);
     let camera = (rooms.views, &lists, CAMERA);
     let depth = passes.surfaces.record_visibility(frame, (group, scene), camera, rooms.surface);
-    let shadow_inputs = shadow_inputs(passes, inputs, rooms, (&lists, Some(&depth)), settings);
+    let shadow_inputs = shadow_inputs(passes, inputs, rooms, (&lists, Some(&depth)), &settings.shadow);
     let shadows = passes.shadows.record(frame, inputs.group, &shadow_inputs, shadow);
     let surface = passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface);
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
-    let light = (&shadows, &light_grid);
+    let bounced = inputs.indirect.map(|plan| {
+        let light = VplInputs { inputs, shadows: &shadows, surface: &surface, views: (rooms.views, &lists, CAMERA + 1) };
+        indirect.record(frame, (settings, passes), plan, &light)
+    });
+    let gather_layer = indirect.layer_gatherer((settings, passes), inputs);
+    let gather_layer = gather_layer.as_ref().map(|gather| gather as GatherLayer<'_>);
+    let irradiance = bounced.as_ref().unwrap_or(&rooms.light.no_irradiance);
+    let light = LightInputs { shadows: &shadows, light_grid: &light_grid, irradiance };
     let Shaded { radiance, unlit, parts } = shade_all(frame, inputs, rooms.light, |frame, radiance, _| {
         passes.direct.record_deferred(frame, (group, scene), &surface, light, radiance);
         if let (Some(transparency), Some(layers)) = (&*passes.transparency, rooms.layers) {
             let picture = (radiance, layers);
+            let light = (light, gather_layer);
             transparency.record(frame, (group, scene), camera, light, &surface.depth, picture);
         }
     });
@@ -181,35 +191,43 @@ fn deferred(
 }
 
 fn forward(
-    settings: &ShadowSettings,
+    settings: &Settings,
     passes: &Passes,
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
-    (rooms, shadow): (&FrameRooms<'_>, &mut ShadowRoom),
+    (rooms, shadow, indirect): (&FrameRooms<'_>, &mut ShadowRoom, &mut IndirectRooms),
 ) -> (DrawLists, FrameOutputs) {
     let group = inputs.group.group();
     let scene = &inputs.scene.gpu;
     follow(passes, frame, inputs.scene);
     let lists = cull(passes, frame, inputs, rooms);
     let camera = (rooms.views, &lists, CAMERA);
-    let needs_depth = inputs.wants_surface
+    let wants_surface = inputs.wants_surface || inputs.indirect.is_some();
+    let needs_depth = wants_surface
         || inputs.moves.is_some_and(|moves| moves.antialias.is_some())
         || rooms.layers.is_some()
         || !inputs.shadow_views.fitted.is_empty();
     let depth =
         needs_depth.then(|| passes.surfaces.record_visibility(frame, (group, scene), camera, rooms.surface));
-    let shadow_inputs = shadow_inputs(passes, inputs, rooms, (&lists, depth.as_ref()), settings);
+    let shadow_inputs = shadow_inputs(passes, inputs, rooms, (&lists, depth.as_ref()), &settings.shadow);
     let shadows = passes.shadows.record(frame, inputs.group, &shadow_inputs, shadow);
-    let surface = inputs
-        .wants_surface
-        .then(|| passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface));
+    let surface =
+        wants_surface.then(|| passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface));
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
-    let light = (&shadows, &light_grid);
+    let bounced = inputs.indirect.zip(surface.as_ref()).map(|(plan, surface)| {
+        let light = VplInputs { inputs, shadows: &shadows, surface, views: (rooms.views, &lists, CAMERA + 1) };
+        indirect.record(frame, (settings, passes), plan, &light)
+    });
+    let gather_layer = indirect.layer_gatherer((settings, passes), inputs);
+    let gather_layer = gather_layer.as_ref().map(|gather| gather as GatherLayer<'_>);
+    let irradiance = bounced.as_ref().unwrap_or(&rooms.light.no_irradiance);
+    let light = LightInputs { shadows: &shadows, light_grid: &light_grid, irradiance };
     let Shaded { radiance, unlit, parts } = shade_all(frame, inputs, rooms.light, |frame, radiance, sky| {
         let lists = (&lists, rooms.light);
         passes.direct.record_forward(frame, (group, scene), lists, light, sky, radiance);
         if let (Some(transparency), Some(layers), Some(depth)) = (&*passes.transparency, rooms.layers, &depth)
         {
+            let light = (light, gather_layer);
             transparency.record(frame, (group, scene), camera, light, depth, (radiance, layers));
         }
     });
@@ -247,7 +265,7 @@ fn shadow_inputs<'a>(
         views: inputs.shadow_views,
         plan: inputs.shadow_plan,
         table: rooms.views,
-        first: CAMERA + 1,
+        first: CAMERA + 1 + inputs.indirect.map_or(0, |plan| plan.draws().len() as u32),
         lists,
         culling: &passes.culling,
         depth,

@@ -6,6 +6,7 @@ use chiaro_scene::Scene;
 use chiaro_techniques::direct::Permutations;
 use chiaro_techniques::environment::{arriving, sky, sky_light};
 use chiaro_techniques::frame::{FrameData, LightData};
+use chiaro_techniques::indirect::points::PointData;
 use chiaro_techniques::indirect::{SkyView, ambient};
 use chiaro_techniques::light::grid_size;
 use chiaro_techniques::scene::SceneFacts;
@@ -16,6 +17,7 @@ use chiaro_techniques::view::raster::ComputeRaster;
 use chiaro_techniques::{Kit, caustics, shaders};
 use glam::{Mat4, Vec2, Vec3};
 
+use crate::indirect::{IndirectPlan, Wanted};
 use crate::moving::{Look, Moves, Sampling};
 use crate::passes::{Missing, Passes};
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
@@ -56,6 +58,8 @@ pub struct Prepared<'a> {
     data: FrameData,
     shadow_views: ShadowViews,
     shadow_plan: ShadowPlan,
+    // Where virtual lights are made.
+    indirect: Option<IndirectPlan>,
     lights: Vec<LightData>,
     // Of a moving picture.
     moves: Option<Moves>,
@@ -77,7 +81,7 @@ impl Renderer {
     pub fn with_scene(gpu: &Gpu, settings: Settings, scene: &Scene) -> Result<(Self, LoadedScene), Error> {
         let kit = Kit::new(gpu, shaders::library());
         let mut loaded = LoadedScene::upload(&kit, scene)?;
-        grow_trees(&kit.gpu, &settings, (scene, &mut loaded))?;
+        gear_up(&kit.gpu, &settings, (scene, &mut loaded))?;
         Ok((Self::with(kit, settings, loaded.gpu.facts)?, loaded))
     }
 
@@ -192,14 +196,14 @@ impl Renderer {
         Ok(loaded)
     }
 
-    /// Gives a scene what the settings need of it beyond its upload, trees for rays, and compiles what it needs beyond earlier
+    /// Gives a scene what the settings need of it beyond its upload, trees for rays and points for imperfect shadow maps, and compiles what it needs beyond earlier
     /// scenes. After [`Renderer::set`] has turned rays on, where [`LoadedScene::upload`] was called by hand, and where
     /// [`LoadedScene::trees_are_due`]; waits for all.
     ///
     /// # Errors
     /// When the trees do not fit the adapter, or a shader does not compile.
     pub fn equip(&mut self, scene: &Scene, loaded: &mut LoadedScene) -> Result<(), Error> {
-        grow_trees(&self.kit.gpu, &self.settings, (scene, &mut *loaded))?;
+        gear_up(&self.kit.gpu, &self.settings, (scene, &mut *loaded))?;
         let built = self.plan(self.settings.clone(), loaded.gpu.facts)?.build()?;
         self.install(built);
         self.kit.gpu.check()?;
@@ -211,7 +215,7 @@ impl Renderer {
     ///
     /// # Errors
     /// When the picture has no pixels, or more to a side than the adapter can do; when the view is not finite; when the
-    /// scene lacks trees that settings shoot rays through, or needs passes that are not compiled: [`Renderer::equip`] sees
+    /// scene lacks trees that settings shoot rays through or points that they draw, or needs passes that are not compiled: [`Renderer::equip`] sees
     /// to both.
     pub fn prepare<'a>(
         &'a self,
@@ -226,6 +230,9 @@ impl Renderer {
         if scene.lacks_trees(&self.resolved) {
             return Err(Error::NoTrees);
         }
+        if scene.lacks_points(&self.resolved) {
+            return Err(Error::NoPoints);
+        }
         if !self.facts.serve(scene.gpu.facts) {
             return Err(Error::NoPasses);
         }
@@ -239,10 +246,11 @@ impl Renderer {
             let has_room = motion.is_some() && (antialias.is_some() || !smooths);
             Moves::new(&look, has_room.then_some(&state.history.seen), smooths)
         });
-        let (jitter_px, footprint_scale) = match sampling {
-            Sampling::Single { jitter_px, footprint_scale } => (jitter_px, footprint_scale),
+        let (jitter_px, footprint_scale, round) = match sampling {
+            Sampling::Single { jitter_px, footprint_scale, round } => (jitter_px, footprint_scale, round),
             Sampling::Moving | Sampling::Steady => {
-                moves.as_ref().map_or((Vec2::ZERO, 1.0), |moves| moves.sampling)
+                let (jitter_px, scale) = moves.as_ref().map_or((Vec2::ZERO, 1.0), |moves| moves.sampling);
+                (jitter_px, scale, 0)
             }
         };
         let clip_from_ws = view.clip_from_ws(size_px, jitter_px);
@@ -279,6 +287,7 @@ impl Renderer {
             None => sky_light(sky, sky_view.share, sky_view.direction),
         };
         let [show_direct, show_indirect, show_caustics] = settings.camera.show.weights();
+        let gathers = settings.indirect.technique.makes_vpls() && show_indirect > 0.0;
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
@@ -302,7 +311,8 @@ impl Renderer {
             environment_nits: map.map_or(0.0, |map| map.nits * factor),
             environment_share: share,
             environment_turn: [turn.cos(), turn.sin()],
-            reserved: [0.0; 2],
+            gathers: u32::from(gathers),
+            reserved: 0,
             show_direct,
             show_indirect,
             show_caustics,
@@ -322,9 +332,15 @@ impl Renderer {
         let at_once = Culling::views_at_once(gpu, &scene.gpu);
         let (known, fitted) = shadow_plan.views();
         rooms.views.anisotropy = settings.surface.anisotropy;
-        rooms.views.set(gpu, &[&[camera], known].concat(), fitted, at_once);
+        let wanted = Wanted { lights: &lights, round, size_px, pictures: state.wants_pictures, moves: moves.is_some() };
+        let indirect = gathers
+            .then(|| rooms.indirect.plan((gpu, &self.pool), (passes, scene), settings, &wanted))
+            .transpose()?;
+        let reflective = indirect.as_ref().map_or_else(Vec::new, IndirectPlan::draws);
+        rooms.views.set(gpu, &[&[camera], &reflective[..], known].concat(), fitted, at_once);
         // As many as may ever be culled together, so that frames do not allocate when more maps are drawn.
-        let together = at_once.min(1 + shadow_views.views.len());
+        let reflective = indirect.as_ref().map_or(0, IndirectPlan::views);
+        let together = at_once.min(1 + reflective + shadow_views.views.len());
         let serves = |room: &ListRoom| room.serves(&scene.gpu, together);
         chiaro_gpu::keep(&mut rooms.lists, serves, || ListRoom::new(gpu, &scene.gpu, together));
         passes.surfaces.room(gpu, &self.pool, size_px, &mut rooms.surface);
@@ -342,14 +358,14 @@ impl Renderer {
         if let Some(antialias) = passes.antialias.as_ref().filter(|_| smooths) {
             antialias.room(gpu, &self.pool, (size_px, scene.gpu.unlit), &mut rooms.antialias);
         }
-        Ok(Prepared { renderer: self, state, scene, data, shadow_views, shadow_plan, lights, moves })
+        Ok(Prepared { renderer: self, state, scene, data, shadow_views, shadow_plan, indirect, lights, moves })
     }
 }
 
 impl Prepared<'_> {
     /// Records the frame. `wants_surface`: make the surface buffer even where the pipeline does without.
     pub fn record(self, frame: &mut Frame<'_>, wants_surface: bool) -> FrameOutputs {
-        let Self { renderer, state, scene, data, shadow_views, shadow_plan, lights, moves } = self;
+        let Self { renderer, state, scene, data, shadow_views, shadow_plan, indirect, lights, moves } = self;
         let views: Vec<_> = shadow_views.views.iter().map(|view| view.data).collect();
         state.frame_group.upload(frame, &data, &lights, &views);
         state.rooms.views.upload(frame);
@@ -358,6 +374,7 @@ impl Prepared<'_> {
             group: &state.frame_group,
             shadow_views: &shadow_views,
             shadow_plan: &shadow_plan,
+            indirect: indirect.as_ref(),
             wants_surface,
             moves: moves.as_ref(),
             data,
@@ -408,7 +425,7 @@ fn sky_view(history: &mut Histories, scene: &LoadedScene, eye_ws: Vec3) -> SkyVi
     view
 }
 
-fn grow_trees(
+fn gear_up(
     gpu: &Gpu,
     settings: &Settings,
     (scene, loaded): (&Scene, &mut LoadedScene),
@@ -416,6 +433,9 @@ fn grow_trees(
     if loaded.lacks_trees(settings) || loaded.trees_are_due() {
         let trees = Trees::build(gpu, scene, loaded.pose(), &loaded.moved())?;
         loaded.give_trees(scene, trees)?;
+    }
+    if let Some(options) = settings.points().filter(|_| loaded.lacks_points(settings)) {
+        loaded.give_points(PointData::build(scene, loaded.pose(), options));
     }
     Ok(())
 }

@@ -6,6 +6,7 @@ use chiaro_gpu::Gpu;
 use chiaro_techniques::caustics::CausticsSettings;
 use chiaro_techniques::choice;
 use chiaro_techniques::environment::EnvironmentSettings;
+use chiaro_techniques::indirect::points::PointOptions;
 use chiaro_techniques::indirect::{IndirectSettings, Technique};
 use chiaro_techniques::post::{Aov, CameraSettings, PostSettings, Smoothing};
 use chiaro_techniques::settings::{Clause, Condition, Effect, Field, SettingsGroup, Value};
@@ -243,6 +244,15 @@ impl Settings {
     /// Whether any technique shoots rays through the scene's trees.
     pub fn shoots_rays(&self) -> bool {
         self.shadow.layout == Layout::Traced || self.indirect.technique == Technique::Traced
+    }
+
+    /// Which points of a scene imperfect shadow maps are drawn from, where settings ask for some.
+    pub fn points(&self) -> Option<PointOptions> {
+        (self.indirect.technique == Technique::Ism).then(|| PointOptions {
+            points: self.indirect.points,
+            seed: self.seed,
+            thinning: None,
+        })
     }
 
     /// The same with nothing left to the adapter.

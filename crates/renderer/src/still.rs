@@ -117,11 +117,12 @@ impl Renderer {
             frame.submit();
         }
         state.take_apart(takes_apart);
+        state.show_maps(!options.left.is_empty());
         for index in 0..samples {
             let sampling = if goes_on {
                 Sampling::Moving
             } else {
-                (jitter.offset_px(index), jitter.footprint_scale()).into()
+                Sampling::nth(&jitter, index)
             };
             let prepared = self.prepare(&mut state, scene, view, size, sampling)?;
             let mut frame = recorder.begin();

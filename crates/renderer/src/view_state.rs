@@ -11,6 +11,7 @@ use chiaro_techniques::view::culling::ListRoom;
 use chiaro_techniques::view::{MotionRoom, SurfaceRoom, ViewTable};
 use glam::DVec3;
 
+use crate::indirect::IndirectRooms;
 use crate::moving::SeenHistory;
 
 /// Textures, buffers and histories of one view: a window, a still, a mirror. A program that renders several views of its
@@ -22,6 +23,7 @@ pub struct ViewState {
     pub(crate) history: Histories,
     pub(crate) notes: Vec<String>,
     pub(crate) wants_parts: bool,
+    pub(crate) wants_pictures: bool,
 }
 
 /// What passes write into, made when sizes or passes change.
@@ -35,6 +37,7 @@ pub(crate) struct Rooms {
     pub layers: Option<LayerRoom>,
     pub motion: Option<MotionRoom>,
     pub antialias: Option<AntialiasRoom>,
+    pub indirect: IndirectRooms,
 }
 
 /// What frames leave for the next.
@@ -59,10 +62,12 @@ impl ViewState {
                 layers: None,
                 motion: None,
                 antialias: None,
+                indirect: IndirectRooms::default(),
             },
             history: Histories::default(),
             notes: Vec::new(),
             wants_parts: false,
+            wants_pictures: false,
         }
     }
 
@@ -70,6 +75,12 @@ impl ViewState {
     /// [`FrameOutputs::parts`](crate::FrameOutputs::parts): each is shaded once more for it.
     pub fn take_apart(&mut self, wanted: bool) {
         self.wants_parts = wanted;
+    }
+
+    /// Whether frames prepared from now on leave pictures of what is not shaped like one, too: imperfect shadow maps beside
+    /// each other.
+    pub fn show_maps(&mut self, wanted: bool) {
+        self.wants_pictures = wanted;
     }
 
     /// Group 0, for passes of one's own.

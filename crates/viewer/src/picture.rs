@@ -183,7 +183,7 @@ impl Picture {
         let jitter = Jitter::new(REST_FRAMES);
         // Its second offset is the pixel's middle; swapped in pairs the picture does not jump when it comes to rest.
         let index = (self.frames() % REST_FRAMES) ^ 1;
-        (jitter.offset_px(index), jitter.footprint_scale()).into()
+        Sampling::nth(&jitter, index)
     }
 
     /// Makes room for a buffer's picture; `true` when it is another texture than before.

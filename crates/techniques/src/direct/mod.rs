@@ -79,6 +79,8 @@ pub struct LightRoom {
     pub unlit: Option<Texture>,
     /// Rgba16Float, direct light alone, where parts of light are asked for.
     pub direct: Option<Texture>,
+    /// Black, for frames that gather no indirect light.
+    pub no_irradiance: Texture,
     light_grid: Buffer,
     words: u64,
     // Of the forward pipeline: colour and depth.
@@ -184,6 +186,12 @@ impl DirectLight {
                 unlit: unlit.then(|| lend("unlit", TextureFormat::Rgba16Float, usage, 1).described(UNLIT)),
                 direct: parts
                     .then(|| lend("direct_light", TextureFormat::Rgba16Float, usage, 1).described(DIRECT)),
+                no_irradiance: Texture::new(
+                    gpu,
+                    "no_irradiance",
+                    Life::Kept,
+                    TextureOptions::new(1, 1, TextureFormat::Rgba16Float, TextureUsages::TEXTURE_BINDING),
+                ),
                 light_grid: Buffer::new(gpu, "light_grid", Life::Frame, 4 * words, BufferUsages::STORAGE),
                 words,
                 multisampled: samples.map(|samples| {
@@ -218,13 +226,13 @@ impl DirectLight {
         frame: &mut Frame<'_>,
         (frame_group, scene): (&Group, &SceneGpu),
         surface: &SurfaceBuffer,
-        (shadows, light_grid): (&ShadowOutputs, &Buffer),
+        light: LightInputs<'_>,
         radiance: &Texture,
     ) {
         let Shading::Deferred(pipeline) = &self.shading else {
             panic!("direct: compiled for the forward pipeline")
         };
-        let mut binds = lighting_binds(shadows, light_grid);
+        let mut binds = light.binds();
         binds.extend(surface_binds(surface));
         binds.push(("radiance", radiance.into()));
         if let Some(emissive) = &surface.emissive {
@@ -244,7 +252,7 @@ impl DirectLight {
         frame: &mut Frame<'_>,
         (frame_group, scene): (&Group, &SceneGpu),
         (lists, room): (&DrawLists, &LightRoom),
-        (shadows, light_grid): (&ShadowOutputs, &Buffer),
+        light: LightInputs<'_>,
         sky: Option<wgpu::Color>,
         radiance: &Texture,
     ) {
@@ -265,7 +273,7 @@ impl DirectLight {
             color: &[attachment],
             depth: Some(DepthAttachment { texture: depth, layer: 0, clear: Some(0.0) }),
         };
-        let binds = lighting_binds(shadows, light_grid);
+        let binds = light.binds();
         let shared = &[frame_group, scene.group()];
         frame.render("direct/forward", passes, |pass| {
             draw_classes(pass, kinds, OPAQUE, shared, &binds, (lists, 0, true));
@@ -273,6 +281,26 @@ impl DirectLight {
                 pass.draw(background, shared, &binds, Draw::FullScreen);
             }
         });
+    }
+}
+
+/// What surfaces are lit by.
+#[derive(Clone, Copy, Debug)]
+pub struct LightInputs<'a> {
+    /// Shadows of lamps.
+    pub shadows: &'a ShadowOutputs,
+    /// Which lamps reach where.
+    pub light_grid: &'a Buffer,
+    /// Indirect light at each pixel: see [`crate::indirect::gather`].
+    pub irradiance: &'a Texture,
+}
+
+impl<'a> LightInputs<'a> {
+    /// What shaders bind that light surfaces.
+    pub fn binds(&self) -> Vec<Bind<'a>> {
+        let mut binds = lighting_binds(self.shadows, self.light_grid);
+        binds.push(("irradiance", self.irradiance.into()));
+        binds
     }
 }
 

@@ -31,7 +31,8 @@ pub struct FrameData {
     pub environment_nits: f32,
     pub environment_share: f32,
     pub environment_turn: [f32; 2],
-    pub reserved: [f32; 2],
+    pub gathers: u32,
+    pub reserved: u32,
     pub show_direct: f32,
     pub show_indirect: f32,
     pub show_caustics: f32,
@@ -56,6 +57,7 @@ impl FrameData {
             environment_nits: 0.0,
             environment_share: 0.0,
             show_direct: 0.0,
+            gathers: 0,
             show_indirect: 0.0,
             show_caustics: 0.0,
             show_unlit: weight,
@@ -66,7 +68,7 @@ impl FrameData {
     /// The same view of direct light alone, as far as it is shown.
     #[must_use]
     pub fn direct_only(&self) -> Self {
-        Self { show_indirect: 0.0, show_caustics: 0.0, ..*self }
+        Self { gathers: 0, show_indirect: 0.0, show_caustics: 0.0, ..*self }
     }
 
     /// Radiance behind everything in stored units; `None` where that is an environment map.

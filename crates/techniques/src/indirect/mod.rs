@@ -2,6 +2,7 @@
 //! [`Technique::Ambient`] stands in for it, until imperfect shadow maps do it right. What the environment or the sky gives
 //! the first surface is direct light, and in [`crate::environment`]; the technique says whether it is taken for a source.
 
+pub mod gather;
 pub mod ism;
 mod openness;
 pub mod points;
@@ -46,7 +47,7 @@ pub fn ambient(
     environment: Option<(Vec3, f32)>,
 ) -> [Vec4; 3] {
     let mut radiance = [Vec4::ZERO; 3];
-    if settings.technique == Technique::None {
+    if settings.technique == Technique::None || settings.technique.makes_vpls() {
         return radiance;
     }
     let size = bounds_ws.1 - bounds_ws.0;

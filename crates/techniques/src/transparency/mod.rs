@@ -25,15 +25,15 @@
 
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Attachment, Binding, Buffer, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group,
+    Attachment, Binding, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group,
     Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool, parallel,
 };
 
-use crate::direct::lighting_binds;
+use crate::direct::LightInputs;
 use crate::scene::SEE_THROUGH;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders::{self, Layer};
-use crate::shadow::{Lookup, ShadowOutputs};
+use crate::shadow::Lookup;
 use crate::view::ViewTable;
 use crate::view::cull_mode;
 use crate::view::culling::{DEPTH_COMPARE, DrawLists, Kinds, draw_classes, kinds};
@@ -57,6 +57,9 @@ pub struct Transparency {
     facts: SceneFacts,
     indexed: bool,
 }
+
+/// Gathers the indirect light of a layer by its depth and surface.
+pub type GatherLayer<'a> = &'a dyn Fn(&mut Frame<'_>, &Texture, &Texture) -> Texture;
 
 /// Layers of one size.
 #[derive(Debug)]
@@ -173,13 +176,14 @@ impl Transparency {
         })
     }
 
-    /// Lays the see-through surfaces of a view over `radiance`, the picture of what is opaque with its depth.
+    /// Lays the see-through surfaces of a view over `radiance`, the picture of what is opaque with its depth. `gather` finds
+    /// the indirect light of each layer, where there is any.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         (frame_group, scene): (&Group, &SceneGpu),
         (table, lists, view): (&ViewTable, &DrawLists, u32),
-        (shadows, light_grid): (&ShadowOutputs, &Buffer),
+        (light, gather): (LightInputs<'_>, Option<GatherLayer<'_>>),
         opaque_depth: &Texture,
         (radiance, room): (&Texture, &LayerRoom),
     ) {
@@ -200,7 +204,9 @@ impl Transparency {
                 [&binds[..], &[("draw_list", (&lists.list).into()), ("view", table.view(view))]].concat();
             frame.compute("transparency/resolve", &self.resolve, shared, &resolve, pixels);
             self.record_behind(frame, radiance, &room.behind);
-            binds.extend(lighting_binds(shadows, light_grid));
+            let gathered = gather.map(|gather| gather(frame, depth, &room.surface));
+            let irradiance = gathered.as_ref().unwrap_or(light.irradiance);
+            binds.extend(LightInputs { irradiance, ..light }.binds());
             binds.extend([
                 ("depth", depth.into()),
                 ("opaque_depth", opaque_depth.into()),

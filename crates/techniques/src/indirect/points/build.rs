@@ -98,6 +98,11 @@ impl PointData {
         self.sources.is_empty()
     }
 
+    /// How they were chosen.
+    pub fn options(&self) -> &PointOptions {
+        &self.options
+    }
+
     /// Whether these are the points of a scene of this fingerprint, in whatever pose. Thinned ones serve views from up to a
     /// quarter of [`Thinning::from_m`] away.
     pub fn serves(&self, fingerprint: u64, options: &PointOptions) -> bool {

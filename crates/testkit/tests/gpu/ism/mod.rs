@@ -74,6 +74,15 @@ fn depth_of(word: u32) -> Option<f32> {
 struct Place {
     position_ws: Vec3,
     vpl: u32,
+    normal_ws: Vec3,
+    reserved: u32,
+}
+
+impl Place {
+    /// A place, its normal, and the VPL that it is asked of.
+    fn new(position_ws: Vec3, normal_ws: Vec3, vpl: u32) -> Self {
+        Self { position_ws, vpl, normal_ws, reserved: 0 }
+    }
 }
 
 /// VPLs and points, and the maps that were made of them.

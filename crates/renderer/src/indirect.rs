@@ -1,0 +1,201 @@
+//! Indirect light by virtual lights, as a frame makes it: their places, their shadows, and what they give the picture.
+
+use chiaro_gpu::{Frame, Gpu, Texture, TexturePool};
+use chiaro_techniques::frame::LightData;
+use chiaro_techniques::indirect::VplSampling;
+use chiaro_techniques::indirect::gather::{GatherInputs, GatherRoom};
+use chiaro_techniques::indirect::ism::{IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
+use chiaro_techniques::indirect::points::PointRoom;
+use chiaro_techniques::indirect::rsm::{self, RsmInputs, RsmPlan, RsmRoom};
+use chiaro_techniques::indirect::vpls::{VplRoom, candidates};
+use chiaro_techniques::shadow::ShadowOutputs;
+use chiaro_techniques::view::culling::DrawLists;
+use chiaro_techniques::view::{SurfaceBuffer, ViewData, ViewTable};
+
+use crate::passes::Passes;
+use crate::pipelines::FrameInputs;
+use crate::{Error, LoadedScene, Settings};
+
+/// What virtual lights and their shadows lie in, for one view.
+#[derive(Debug, Default)]
+pub(crate) struct IndirectRooms {
+    points: Option<PointRoom>,
+    rsm: Option<RsmRoom>,
+    vpls: Option<VplRoom>,
+    ism: Option<IsmRoom>,
+    gather: Option<GatherRoom>,
+    // Of see-through layers.
+    layer: Option<GatherRoom>,
+}
+
+/// What a frame asks for.
+pub(crate) struct Wanted<'a> {
+    pub lights: &'a [LightData],
+    pub round: u32,
+    pub size_px: [u32; 2],
+    pub pictures: bool,
+    // Whether what is late may wait.
+    pub moves: bool,
+}
+
+/// What a frame does.
+#[derive(Debug)]
+pub(crate) struct IndirectPlan {
+    rsm: RsmPlan,
+    round: u32,
+}
+
+/// What virtual lights are made from.
+pub(crate) struct VplInputs<'a> {
+    pub inputs: &'a FrameInputs<'a>,
+    pub shadows: &'a ShadowOutputs,
+    pub surface: &'a SurfaceBuffer,
+    // Where reflective shadow maps stand in the table of views, and what was culled with its first batch.
+    pub views: (&'a ViewTable, &'a DrawLists, u32),
+}
+
+impl IndirectPlan {
+    /// Views to be drawn, for the table.
+    pub fn draws(&self) -> Vec<ViewData> {
+        self.rsm.draws()
+    }
+
+    /// All views that there are.
+    pub fn views(&self) -> usize {
+        self.rsm.views.len()
+    }
+}
+
+impl IndirectRooms {
+    /// Makes room, and says what a frame draws.
+    ///
+    /// # Errors
+    /// When something does not fit the adapter.
+    pub fn plan(
+        &mut self,
+        (gpu, pool): (&Gpu, &TexturePool),
+        (passes, scene): (&Passes, &LoadedScene),
+        settings: &Settings,
+        wanted: &Wanted<'_>,
+    ) -> Result<IndirectPlan, Error> {
+        let indirect = &settings.indirect;
+        let evenly = if indirect.sampling == VplSampling::Halton { candidates(indirect) } else { 0 };
+        let views = rsm::fit(wanted.lights, scene.gpu.bounds_ws, indirect.rsm_resolution, evenly);
+        let most = if wanted.moves { indirect.rsm_maps as usize } else { usize::MAX };
+        let Some(rsm) = passes.rsm.as_ref() else { return Err(Error::NoPasses) };
+        let of = (&scene.gpu, &*passes.surfaces);
+        let rsm = rsm.plan((gpu, pool), of, views, most, &mut self.rsm)?;
+        if let Some(vpls) = passes.vpls.as_ref() {
+            vpls.room(gpu, indirect, rsm.tiles(), &mut self.vpls);
+        }
+        let mut atlases = 0;
+        match (passes.points.as_ref(), passes.ism.as_ref(), &scene.points) {
+            (Some(points), Some(ism), Some(data)) if settings.points().is_some() => {
+                points.room(gpu, data, &mut self.points)?;
+                let plan = IsmPlan::new(gpu, indirect, indirect.vpls)?;
+                let room = chiaro_gpu::keep(
+                    &mut self.ism,
+                    |room| room.serves(plan, wanted.pictures),
+                    || ism.room(gpu, plan, wanted.pictures),
+                );
+                atlases = room.atlases().len();
+            }
+            _ => (self.points, self.ism) = (None, None),
+        }
+        if let Some(gather) = passes.gather.as_ref() {
+            gather.room(gpu, pool, wanted.size_px, atlases, &mut self.gather);
+            if scene.gpu.see_through() {
+                gather.room(gpu, pool, wanted.size_px, atlases, &mut self.layer);
+            } else {
+                self.layer = None;
+            }
+        }
+        Ok(IndirectPlan { rsm, round: wanted.round })
+    }
+
+    /// Places virtual lights, draws their shadows and gathers their light.
+    pub fn record(
+        &mut self,
+        frame: &mut Frame<'_>,
+        (settings, passes): (&Settings, &Passes),
+        plan: &IndirectPlan,
+        light: &VplInputs<'_>,
+    ) -> Texture {
+        let indirect = &settings.indirect;
+        let VplInputs { inputs, shadows, surface, views: (table, lists, first) } = *light;
+        let scene = inputs.scene;
+        let group = inputs.group.group();
+        let (Some(rsm), Some(vpls)) = (passes.rsm.as_ref(), passes.vpls.as_ref()) else {
+            unreachable!("what is planned is compiled")
+        };
+        let (Some(maps), Some(placed)) = (&mut self.rsm, &self.vpls) else {
+            unreachable!("what is planned has room")
+        };
+        let drawn = RsmInputs {
+            group,
+            scene: &scene.gpu,
+            surfaces: &passes.surfaces,
+            plan: &plan.rsm,
+            table,
+            first,
+            lists,
+            culling: &passes.culling,
+            shadows,
+        };
+        rsm.record(frame, &drawn, maps);
+        let how = (indirect, settings.seed, plan.round);
+        vpls.record(frame, how, (group, surface), (&plan.rsm, maps), placed);
+        if let (Some(points), Some(ism), Some(pool), Some(room), Some(data)) =
+            (passes.points.as_ref(), passes.ism.as_ref(), &mut self.points, &self.ism, &scene.points)
+        {
+            points.record(frame, &scene.gpu, pool);
+            let (lo, hi) = scene.gpu.bounds_ws;
+            let shadowed = IsmInputs {
+                points: &pool.points,
+                pool: pool.count,
+                vpls: &placed.vpls,
+                vpl_count: &placed.count,
+                scene_area_m2: data.area_m2 as f32,
+                largest_m: lo.distance(hi).max(f32::MIN_POSITIVE),
+            };
+            ism.record(frame, indirect, &shadowed, room);
+        }
+        self.gather(frame, (settings, passes), inputs, (&surface.depth, &surface.surface, &self.gather))
+    }
+
+    /// Gathers for a layer of see-through surfaces, where there is room for any.
+    pub fn layer_gatherer<'a>(
+        &'a self,
+        (settings, passes): (&'a Settings, &'a Passes),
+        inputs: &'a FrameInputs<'a>,
+    ) -> Option<impl Fn(&mut Frame<'_>, &Texture, &Texture) -> Texture + 'a> {
+        let gathers = inputs.indirect.is_some() && self.layer.is_some();
+        gathers.then_some(move |frame: &mut Frame<'_>, depth: &Texture, surface: &Texture| {
+            self.gather(frame, (settings, passes), inputs, (depth, surface, &self.layer))
+        })
+    }
+
+    fn gather(
+        &self,
+        frame: &mut Frame<'_>,
+        (settings, passes): (&Settings, &Passes),
+        inputs: &FrameInputs<'_>,
+        (depth, surface, room): (&Texture, &Texture, &Option<GatherRoom>),
+    ) -> Texture {
+        let (Some(gather), Some(room), Some(vpls)) = (passes.gather.as_ref(), room, &self.vpls) else {
+            unreachable!("what is planned has room")
+        };
+        let atlases: &[IsmAtlas] = self.ism.as_ref().map_or(&[], IsmRoom::atlases);
+        let gathered = GatherInputs {
+            group: inputs.group.group(),
+            scene: Some(&inputs.scene.gpu),
+            depth,
+            surface,
+            vpls: &vpls.vpls,
+            vpl_count: &vpls.count,
+            atlases,
+            tracer: inputs.scene.trees.as_ref().map(|trees| &trees.traced.words),
+        };
+        gather.record(frame, &settings.indirect, &gathered, room)
+    }
+}
