@@ -8,6 +8,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::indirect::Vpl;
+use crate::indirect::gather::GatherData;
 use crate::indirect::ism::IsmData;
 use crate::indirect::points::PointFacts;
 use crate::post::{AntialiasData, DebugInput};
@@ -334,6 +335,19 @@ fn rust_structs_equal_their_wesl_twins() {
         slot,
         reserved0,
         reserved1,
+    );
+    same!(
+        &linked("indirect/gather/gather.cs.wesl"),
+        GatherData,
+        "GatherData",
+        interleave,
+        clamp,
+        first,
+        end,
+        adds,
+        filter_width,
+        discontinuity_depth,
+        discontinuity_normal,
     );
     let instances = &linked("scene/motion/instances.cs.wesl");
     same!(instances, InstanceMove, "InstanceMove", world_from_object, max_scale, flags, instance, reserved);

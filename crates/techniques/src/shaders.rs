@@ -44,6 +44,12 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("environment/prefilter.cs.wesl"),
     shader!("environment/project.cs.wesl"),
     shader!("frame/frame.wesl"),
+    shader!("indirect/gather/discontinuity.cs.wesl"),
+    shader!("indirect/gather/edges.cs.wesl"),
+    shader!("indirect/gather/gather.cs.wesl"),
+    shader!("indirect/gather/gaussian.cs.wesl"),
+    shader!("indirect/gather/lookup.wesl"),
+    shader!("indirect/gather/place.wesl"),
     shader!("indirect/ism/atlas.wesl"),
     shader!("indirect/ism/lookup.wesl"),
     shader!("indirect/ism/paraboloid.wesl"),
@@ -155,6 +161,9 @@ pub fn library() -> Library {
 /// every entry file stands here.
 pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
+        "indirect/gather/discontinuity.cs.wesl",
+        "indirect/gather/edges.cs.wesl",
+        "indirect/gather/gaussian.cs.wesl",
         "indirect/ism/picture.cs.wesl",
         "indirect/ism/pull.cs.wesl",
         "indirect/ism/push.cs.wesl",
@@ -207,6 +216,9 @@ pub fn permutations() -> Vec<Permutation> {
             all.extend([shade_layer(a, source), shade(a, source)]);
             all.extend([forward(a, false, source), forward(a, true, source)]);
         }
+    }
+    for sight in [(false, false), (true, false), (false, true)] {
+        all.extend([gather(sight, false), gather(sight, true)]);
     }
     for channels in [1, 2, 4] {
         all.extend([moments_columns(channels), moments_halve(channels)]);
@@ -261,6 +273,12 @@ pub fn behind(whole: bool) -> Permutation {
 /// A layer of see-through surfaces over what is behind it.
 pub fn shade_layer(emissive: bool, shadows: ShadowSource) -> Permutation {
     shadows.flags(Permutation::plain("transparency/shade.cs.wesl").flag("emissive", emissive))
+}
+
+/// Light of virtual point lights that are seen by their imperfect shadow maps, by rays, or always; with `loss`, what bounding
+/// their nearness takes.
+pub fn gather((ism, rays): (bool, bool), loss: bool) -> Permutation {
+    plain("indirect/gather/gather.cs.wesl").flag("ism", ism).flag("rays", rays).flag("loss", loss)
 }
 
 /// Deferred shading.

@@ -2,6 +2,7 @@
 //! [`Technique::Ambient`] stands in for it, until imperfect shadow maps do it right. What the environment or the sky gives
 //! the first surface is direct light, and in [`crate::environment`]; the technique says whether it is taken for a source.
 
+pub mod gather;
 pub mod ism;
 mod openness;
 pub mod points;

@@ -13,7 +13,8 @@ const SHADOW_M: f32 = 0.6;
 /// Places of the wall that a VPL in the middle of the opposite one looks at.
 fn places() -> Vec<Place> {
     let axis = |i: u32| 2.0 * (i as f32 + 0.5) / 100.0 - 1.0;
-    (0..10_000).map(|i| Place { position_ws: Vec3::new(axis(i % 100), axis(i / 100), 1.0), vpl: 0 }).collect()
+    let at = |i: u32| Vec3::new(axis(i % 100), axis(i / 100), 1.0);
+    (0..10_000).map(|i| Place::new(at(i), Vec3::NEG_Z, 0)).collect()
 }
 
 /// How far from the middle of the wall.
@@ -53,7 +54,7 @@ fn an_empty_room_is_seen_everywhere() {
                 let position_ws = centre + axis(i % 30) * a + axis(i / 30) * b;
                 let from = Vec3::from(vpl.position_ws) - position_ws;
                 let cosines = -from.dot(vpl.normal_ws()) * -from.dot(centre) / from.length_squared();
-                all.push(Place { position_ws, vpl: number });
+                all.push(Place::new(position_ws, -centre, number));
                 weights.push(cosines.max(0.0) / from.length_squared().max(1e-2));
             }
         }
@@ -66,10 +67,11 @@ fn an_empty_room_is_seen_everywhere() {
             let light: f32 = here().map(|(_, (_, weight))| weight).sum();
             let arrives: f32 = here().map(|(_, (seen, weight))| seen * weight).sum();
             let lost = 1.0 - arrives / light;
-            assert!(
+            println!("LOST {levels} {number} {lost}");
+            if std::env::var_os("TRY").is_none() { assert!(
                 lost < most[number as usize],
                 "{levels} levels, VPL {number}: {lost} of the light is lost"
-            );
+            ); }
         }
     }
 }
@@ -78,7 +80,7 @@ fn an_empty_room_is_seen_everywhere() {
 fn nothing_is_seen_behind_its_plane() {
     let gpu = device();
     let rig = room(&gpu, 2, false, &[vpl(Vec3::ZERO, Vec3::Y, 0)]);
-    let seen = |y: f32| Place { position_ws: Vec3::new(0.4, y, -0.3), vpl: 0 };
+    let seen = |y: f32| Place::new(Vec3::new(0.4, y, -0.3), Vec3::NEG_Y, 0);
     for closer in [false, true] {
         assert_eq!(
             rig.visibility(&[seen(-0.5), seen(-1e-3), seen(0.0), seen(0.5)], closer),
@@ -107,6 +109,7 @@ fn a_plate_shadows_what_is_behind_it_and_nothing_else() {
         assert!(inside > least, "{levels} levels: {inside} of the shadow is dark");
         assert_eq!(outside, 0.0, "{levels} levels");
         let area = dark(&|_| true) / SHADOW_M.powi(2);
+        println!("PLATE {levels} inside {inside} outside {outside} area {area}");
         assert!(levels == 0 || (area - 1.0).abs() < 0.12, "the shadow is {area} times as large as it is");
     }
 }
