@@ -49,7 +49,9 @@ pub enum Error {
     #[error("settings shoot rays at a scene that has no trees for them: give it some by `Renderer::equip`")]
     NoTrees,
     /// Imperfect shadow maps were asked for, and the scene has no points to draw them from.
-    #[error("settings draw imperfect shadow maps of a scene that has no points: give it some by `Renderer::equip`")]
+    #[error(
+        "settings draw imperfect shadow maps of a scene that has no points: give it some by `Renderer::equip`"
+    )]
     NoPoints,
     /// A pose or trees that are not of the scene that was loaded.
     #[error("{what} of another scene: {problem}")]

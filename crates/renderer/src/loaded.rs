@@ -62,7 +62,18 @@ impl LoadedScene {
         let (lights, directional) = light_data(scene, &pose);
         let casters = Casters::new(scene, &pose, &[]);
         let radiance_scale = radiance_scale((&gpu, &casters), scene, &lights, environment.as_ref());
-        Self { gpu, lights, directional, radiance_scale, openness, casters, environment, pose, trees: None, points: None }
+        Self {
+            gpu,
+            lights,
+            directional,
+            radiance_scale,
+            openness,
+            casters,
+            environment,
+            pose,
+            trees: None,
+            points: None,
+        }
     }
 
     /// Directional lights first.

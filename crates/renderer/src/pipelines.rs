@@ -171,7 +171,12 @@ fn deferred(
     let surface = passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface);
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
     let bounced = inputs.indirect.map(|plan| {
-        let light = VplInputs { inputs, shadows: &shadows, surface: &surface, views: (rooms.views, &lists, CAMERA + 1) };
+        let light = VplInputs {
+            inputs,
+            shadows: &shadows,
+            surface: &surface,
+            views: (rooms.views, &lists, CAMERA + 1),
+        };
         indirect.record(frame, (settings, passes), plan, &light)
     });
     let gather_layer = indirect.layer_gatherer((settings, passes), inputs);
@@ -215,7 +220,8 @@ fn forward(
         wants_surface.then(|| passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface));
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
     let bounced = inputs.indirect.zip(surface.as_ref()).map(|(plan, surface)| {
-        let light = VplInputs { inputs, shadows: &shadows, surface, views: (rooms.views, &lists, CAMERA + 1) };
+        let light =
+            VplInputs { inputs, shadows: &shadows, surface, views: (rooms.views, &lists, CAMERA + 1) };
         indirect.record(frame, (settings, passes), plan, &light)
     });
     let gather_layer = indirect.layer_gatherer((settings, passes), inputs);

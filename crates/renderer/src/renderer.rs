@@ -332,7 +332,13 @@ impl Renderer {
         let at_once = Culling::views_at_once(gpu, &scene.gpu);
         let (known, fitted) = shadow_plan.views();
         rooms.views.anisotropy = settings.surface.anisotropy;
-        let wanted = Wanted { lights: &lights, round, size_px, pictures: state.wants_pictures, moves: moves.is_some() };
+        let wanted = Wanted {
+            lights: &lights,
+            round,
+            size_px,
+            pictures: state.wants_pictures,
+            moves: moves.is_some(),
+        };
         let indirect = gathers
             .then(|| rooms.indirect.plan((gpu, &self.pool), (passes, scene), settings, &wanted))
             .transpose()?;
@@ -358,7 +364,17 @@ impl Renderer {
         if let Some(antialias) = passes.antialias.as_ref().filter(|_| smooths) {
             antialias.room(gpu, &self.pool, (size_px, scene.gpu.unlit), &mut rooms.antialias);
         }
-        Ok(Prepared { renderer: self, state, scene, data, shadow_views, shadow_plan, indirect, lights, moves })
+        Ok(Prepared {
+            renderer: self,
+            state,
+            scene,
+            data,
+            shadow_views,
+            shadow_plan,
+            indirect,
+            lights,
+            moves,
+        })
     }
 }
 
@@ -425,11 +441,7 @@ fn sky_view(history: &mut Histories, scene: &LoadedScene, eye_ws: Vec3) -> SkyVi
     view
 }
 
-fn gear_up(
-    gpu: &Gpu,
-    settings: &Settings,
-    (scene, loaded): (&Scene, &mut LoadedScene),
-) -> Result<(), Error> {
+fn gear_up(gpu: &Gpu, settings: &Settings, (scene, loaded): (&Scene, &mut LoadedScene)) -> Result<(), Error> {
     if loaded.lacks_trees(settings) || loaded.trees_are_due() {
         let trees = Trees::build(gpu, scene, loaded.pose(), &loaded.moved())?;
         loaded.give_trees(scene, trees)?;

@@ -119,11 +119,7 @@ impl Renderer {
         state.take_apart(takes_apart);
         state.show_maps(!options.left.is_empty());
         for index in 0..samples {
-            let sampling = if goes_on {
-                Sampling::Moving
-            } else {
-                Sampling::nth(&jitter, index)
-            };
+            let sampling = if goes_on { Sampling::Moving } else { Sampling::nth(&jitter, index) };
             let prepared = self.prepare(&mut state, scene, view, size, sampling)?;
             let mut frame = recorder.begin();
             let wants_surface = aov_pass.is_some() || !options.left.is_empty();

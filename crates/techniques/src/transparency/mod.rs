@@ -25,8 +25,8 @@
 
 use chiaro_gpu::wgpu::{self, TextureFormat, TextureUsages};
 use chiaro_gpu::{
-    Attachment, Binding, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group,
-    Life, RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool, parallel,
+    Attachment, Binding, ComputePipeline, DepthAttachment, Dispatch, Frame, Gpu, GpuError, Group, Life,
+    RenderPipeline, RenderPipelineOptions, Targets, Texture, TextureOptions, TexturePool, parallel,
 };
 
 use crate::direct::LightInputs;

@@ -68,7 +68,7 @@ use chiaro_gpu::{
 };
 
 use super::ism::IsmAtlas;
-use super::settings::{IndirectSettings, IrradianceFilter};
+use super::settings::{IndirectSettings, IrradianceFilter, Technique};
 use crate::rays::TraceFacts;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::{Kit, Pass, shaders};
@@ -133,6 +133,21 @@ pub struct GatherKey {
     pub clamp_loss: bool,
     /// What rays may meet; the default without rays.
     pub facts: SceneFacts,
+}
+
+impl GatherKey {
+    /// What settings that leave nothing to the adapter ask for; `tint`: see-through surfaces take their share of rays.
+    pub fn new(settings: &IndirectSettings, tint: bool, facts: SceneFacts) -> Option<Self> {
+        let sight = match settings.technique {
+            Technique::Rsm => Sight::All,
+            Technique::Ism => Sight::Ism { closer: settings.ism_closer },
+            Technique::Traced => Sight::Rays { tint },
+            Technique::Auto | Technique::Ambient | Technique::None => return None,
+        };
+        let rays = matches!(sight, Sight::Rays { .. });
+        let facts = if rays { facts } else { SceneFacts::default() };
+        Some(Self { sight, filter: settings.filter, clamp_loss: false, facts })
+    }
 }
 
 /// What light is gathered of, and where.
@@ -396,9 +411,5 @@ fn turns(left: usize, room: &GatherRoom) -> (&Texture, &Texture) {
 
 /// The handles of `place.wesl`.
 fn pixel_binds<'a>(inputs: &GatherInputs<'a>, uniform: &'a Buffer) -> Vec<Bind<'a>> {
-    vec![
-        ("depth", inputs.depth.into()),
-        ("surface", inputs.surface.into()),
-        ("gather", uniform.into()),
-    ]
+    vec![("depth", inputs.depth.into()), ("surface", inputs.surface.into()), ("gather", uniform.into())]
 }

@@ -202,7 +202,13 @@ impl<'a> Rig<'a> {
         let binds = [words, uniform, ("places", (&buffer).into()), ("vpls", (&self.vpls).into())];
         let work = (Dispatch::Threads([places.len() as u32, 1, 1]), places.len());
         let get = |name: &str, default: f64| std::env::var(name).map_or(default, |t| t.parse().unwrap());
-        let closer = [("ISM_CLOSER", f64::from(u8::from(closer))), ("BIAS_TEXELS", get("BT", 2.0)), ("BIAS_DISCS", get("BD", 0.5)), ("LOWER", get("LO", 0.5)), ("UPPER", get("UP", 1.0))];
+        let closer = [
+            ("ISM_CLOSER", f64::from(u8::from(closer))),
+            ("BIAS_TEXELS", get("BT", 2.0)),
+            ("BIAS_DISCS", get("BD", 0.5)),
+            ("LOWER", get("LO", 0.5)),
+            ("UPPER", get("UP", 1.0)),
+        ];
         let output = self.bench.record(&mut frame, shader, &closer, None, &binds, work);
         frame.submit();
         self.bench.read(&output)

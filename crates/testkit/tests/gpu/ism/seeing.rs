@@ -68,10 +68,12 @@ fn an_empty_room_is_seen_everywhere() {
             let arrives: f32 = here().map(|(_, (seen, weight))| seen * weight).sum();
             let lost = 1.0 - arrives / light;
             println!("LOST {levels} {number} {lost}");
-            if std::env::var_os("TRY").is_none() { assert!(
-                lost < most[number as usize],
-                "{levels} levels, VPL {number}: {lost} of the light is lost"
-            ); }
+            if std::env::var_os("TRY").is_none() {
+                assert!(
+                    lost < most[number as usize],
+                    "{levels} levels, VPL {number}: {lost} of the light is lost"
+                );
+            }
         }
     }
 }
