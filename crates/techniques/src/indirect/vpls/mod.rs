@@ -181,7 +181,10 @@ impl Vpls {
         frame.compute("indirect/vpl_scan", &self.scan, &[], &[sampling, rsm, sums], one);
         let binds = [sampling, rsm, sums, ("rsm_views", (&maps.views).into()), candidates];
         frame.compute("indirect/vpl_place", &self.place, &[group], &binds, each);
+        // Without worths something stands in their place that nobody reads.
+        let mut chosen_by = ("worths", sums.1);
         if settings.sampling == VplSampling::View {
+            chosen_by = worths;
             let binds = [
                 sampling,
                 ("depth", (&surface.depth).into()),
@@ -194,7 +197,7 @@ impl Vpls {
         let binds = [
             sampling,
             candidates,
-            worths,
+            chosen_by,
             ("vpls", (&room.vpls).into()),
             ("vpl_count", (&room.count).into()),
         ];
