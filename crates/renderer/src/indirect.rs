@@ -2,7 +2,7 @@
 
 use chiaro_gpu::{Frame, Gpu, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
-use chiaro_techniques::indirect::VplSampling;
+use chiaro_techniques::indirect::{IndirectSettings, VplSampling};
 use chiaro_techniques::indirect::gather::{GatherInputs, GatherRoom};
 use chiaro_techniques::indirect::ism::{IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
 use chiaro_techniques::indirect::points::PointRoom;
@@ -32,6 +32,8 @@ pub(crate) struct IndirectRooms {
 pub(crate) struct Wanted<'a> {
     pub lights: &'a [LightData],
     pub round: u32,
+    /// Of frames that are averaged: 1/√ of how many.
+    pub share: f32,
     pub size_px: [u32; 2],
     pub pictures: bool,
     // Whether what is late may wait.
@@ -43,6 +45,7 @@ pub(crate) struct Wanted<'a> {
 pub(crate) struct IndirectPlan {
     rsm: RsmPlan,
     round: u32,
+    share: f32,
 }
 
 /// What virtual lights are made from.
@@ -110,7 +113,7 @@ impl IndirectRooms {
                 self.layer = None;
             }
         }
-        Ok(IndirectPlan { rsm, round: wanted.round })
+        Ok(IndirectPlan { rsm, round: wanted.round, share: wanted.share })
     }
 
     /// Places virtual lights, draws their shadows and gathers their light.
@@ -196,6 +199,9 @@ impl IndirectRooms {
             atlases,
             tracer: inputs.scene.trees.as_ref().map(|trees| &trees.traced.words),
         };
-        gather.record(frame, &settings.indirect, &gathered, room)
+        // Frames that are averaged have other virtual lights each: together as many as if each stood for less.
+        let share = inputs.indirect.map_or(1.0, |plan| plan.share);
+        let clamp = settings.indirect.clamp * share;
+        gather.record(frame, &IndirectSettings { clamp, ..settings.indirect.clone() }, &gathered, room)
     }
 }

@@ -335,6 +335,7 @@ impl Renderer {
         let wanted = Wanted {
             lights: &lights,
             round,
+            share: if moves.is_some() { 1.0 } else { footprint_scale },
             size_px,
             pictures: state.wants_pictures,
             moves: moves.is_some(),
