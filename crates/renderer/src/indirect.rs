@@ -87,7 +87,7 @@ impl IndirectRooms {
         let most = if wanted.moves { indirect.rsm_maps as usize } else { usize::MAX };
         let Some(rsm) = passes.rsm.as_ref() else { return Err(Error::NoPasses) };
         let of = (&scene.gpu, &*passes.surfaces);
-        let rsm = rsm.plan((gpu, pool), of, views, most, &mut self.rsm)?;
+        let rsm = rsm.plan((gpu, pool), of, views, (most, indirect.rsm_cache), &mut self.rsm)?;
         if let Some(vpls) = passes.vpls.as_ref() {
             vpls.room(gpu, indirect, rsm.tiles(), &mut self.vpls);
         }

@@ -110,6 +110,9 @@ settings! {
         /// follow motion sooner.
         rsm_maps: u32 = 12, "", 1..=63, Uniform,
             only "indirect.technique=rsm|ism|traced";
+        /// Whether reflective shadow maps are kept while nothing changes in them. Off measures what drawing them takes.
+        rsm_cache: bool = true, "", (), Uniform,
+            only "indirect.technique=rsm|ism|traced";
         /// Points of the scene that imperfect shadow maps draw from, each a block of its own as long as they last. More make
         /// errors of different virtual lights more independent, and cost 28 bytes each.
         points: u32 = 1_048_576, "", 1024..=8_388_608, Resources,

@@ -138,7 +138,7 @@ impl Pass for Rsm {
 
 impl Rsm {
     /// Room for the maps of so many views, and which of them a frame draws: those that show something else than they did,
-    /// `most` at most unless none has been drawn yet. Not inside a frame.
+    /// `most` at most unless one has not been drawn yet; all, where none `keeps`. Not inside a frame.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] when the maps are more than the adapter can bind.
@@ -147,7 +147,7 @@ impl Rsm {
         (gpu, pool): (&Gpu, &TexturePool),
         (scene, surfaces): (&SceneGpu, &Surfaces),
         views: Vec<RsmView>,
-        most: usize,
+        (most, keeps): (usize, bool),
         room: &mut Option<RsmRoom>,
     ) -> Result<RsmPlan, GpuError> {
         let tiles = views.first().map_or(0, |view| u64::from(view.data.tiles));
@@ -203,6 +203,9 @@ impl Rsm {
             let culled = culled.min(views.len());
             let serves = |room: &ListRoom| room.serves(scene, culled);
             chiaro_gpu::keep(&mut room.lists, serves, || ListRoom::new(gpu, scene, culled));
+        }
+        if !keeps {
+            room.drawn.cut();
         }
         let drawn = room.drawn.get(&[self.id, scene.id()]);
         let rests = |number: usize, view: &RsmView| {

@@ -58,9 +58,11 @@ const HEADER: u64 = 32;
 const BLOCK: [u32; 2] = [8, 4];
 /// Bytes of a tile in the work list.
 const TILE_BYTES: u64 = 80;
-/// The work list has room for a tile every so many texels of the maps, and for so many at most: what finds no room is
-/// drawn much more slowly. Sponza in four cascades needs about two fifths of it.
+/// The work list has room for a tile every so many texels of the maps, for so many at least, as small maps have more
+/// triangles a texel, and for so many at most: what finds no room is drawn much more slowly. Sponza in four cascades of 2048²
+/// needs about two fifths of it.
 const TEXELS_PER_TILE: u64 = 16;
+const MIN_TILES: u64 = 1 << 16;
 const MAX_TILES: u64 = 3 << 19;
 /// Lanes of a workgroup of the triangle pass, and its workgroups a view at most.
 const TRIANGLE_LANES: u32 = 128;
@@ -324,7 +326,7 @@ const DEPTH_BUDGET_BYTES: u64 = 512 << 20;
 
 /// Tiles that the work list has room for.
 fn tiles(all_texels: u64) -> u64 {
-    (all_texels / TEXELS_PER_TILE).clamp(1, MAX_TILES)
+    (all_texels / TEXELS_PER_TILE).clamp(MIN_TILES, MAX_TILES)
 }
 
 /// Texels of a map in whole blocks.
