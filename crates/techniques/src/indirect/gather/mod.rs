@@ -396,9 +396,5 @@ fn turns(left: usize, room: &GatherRoom) -> (&Texture, &Texture) {
 
 /// The handles of `place.wesl`.
 fn pixel_binds<'a>(inputs: &GatherInputs<'a>, uniform: &'a Buffer) -> Vec<Bind<'a>> {
-    vec![
-        ("depth", inputs.depth.into()),
-        ("surface", inputs.surface.into()),
-        ("gather", uniform.into()),
-    ]
+    vec![("depth", inputs.depth.into()), ("surface", inputs.surface.into()), ("gather", uniform.into())]
 }
