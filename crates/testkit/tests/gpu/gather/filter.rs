@@ -31,25 +31,16 @@ fn no_pattern_is_left_on_a_flat_wall() {
     let gpu = device();
     let vpls = far_away(200);
     // Straight, and seen slanted.
-    let cameras = [(Vec3::new(0.1, 0.0, 2.0), Vec3::ZERO), (Vec3::new(-2.0, 0.3, 0.9), Vec3::ZERO)];
+    let cameras = [(Vec3::new(0.1, 0.0, 2.0), Vec3::ZERO), (Vec3::new(-0.2, 0.03, 0.22), Vec3::ZERO)];
     let mut plain = Rig::new(&gpu, key(Sight::All, IrradianceFilter::None, false));
     let mut edges = Rig::new(&gpu, key(Sight::All, IrradianceFilter::Edges, false));
     for camera in cameras {
         let wall = [Vec3::ZERO, 400.0 * Vec3::X, 400.0 * Vec3::Y];
-        let mut picture = Picture::new([41, 34], camera, &[wall]);
-        // What is far looks over metres of the wall.
-        for pixel in &mut picture.pixels {
-            if pixel.view_depth > 8.0 {
-                *pixel = Shown { kind: SKY, view_depth: f32::INFINITY, ..*pixel };
-            }
-        }
-        let lit =
-            |light: Vec<[f32; 4]>| light.into_iter().filter(|texel| texel[3] > NOWHERE).collect::<Vec<_>>();
-        let all = lit(plain.light(&picture, &settings(1), &vpls));
-        assert!(all.len() > 500);
+        let picture = Picture::new([41, 34], camera, &[wall]);
+        let all = plain.light(&picture, &settings(1), &vpls);
         for n in 2..=8 {
-            let before = most_off(&lit(plain.light(&picture, &settings(n), &vpls)), &all);
-            let after = most_off(&lit(edges.light(&picture, &settings(n), &vpls)), &all);
+            let before = most_off(&plain.light(&picture, &settings(n), &vpls), &all);
+            let after = most_off(&edges.light(&picture, &settings(n), &vpls), &all);
             assert!(before > 0.2, "{n}: {before}");
             // At the picture's borders, too.
             assert!(after < 0.01, "{n}: pixels differ by {after}");
@@ -64,7 +55,7 @@ fn step() -> (Picture, Vec<Vpl>) {
     let picture = Picture::new([40, 30], (Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO), &[far, near]);
     let light = |i: usize| {
         let at = Vec3::new(1.5 + 0.01 * i as f32, 0.2, 0.8);
-        Vpl::new(at, Vec3::NEG_Z, Vec3::splat(if i % 3 == 0 { 900.0 } else { 30.0 }), 0)
+        Vpl::new(at, Vec3::NEG_Z, Vec3::splat(if i.is_multiple_of(3) { 900.0 } else { 30.0 }), 0)
     };
     (picture, (0..64).map(light).collect())
 }
@@ -76,7 +67,7 @@ fn corner() -> (Picture, Vec<Vpl>) {
         Picture::new([40, 30], (Vec3::new(0.2, 1.0, 3.0), Vec3::ZERO), &[wall_of_four_metres(), floor]);
     let light = |i: usize| {
         let at = Vec3::new(0.01 * i as f32, -0.05, 2.0);
-        Vpl::new(at, Vec3::NEG_Z, Vec3::splat(if i % 3 == 0 { 900.0 } else { 30.0 }), 0)
+        Vpl::new(at, Vec3::NEG_Z, Vec3::splat(if i.is_multiple_of(3) { 900.0 } else { 30.0 }), 0)
     };
     (picture, (0..64).map(light).collect())
 }
@@ -118,7 +109,6 @@ fn along_edges_no_sub_image_is_missing() {
     for n in [2, 3, 4, 6] {
         let before = most_off(&plain.light(&picture, &settings(n), &vpls), &all);
         let after = most_off(&edges.light(&picture, &settings(n), &vpls), &all);
-        println!("EDGE {n}: {after} of {before}");
         assert!(after < 0.1 * before, "{n}: pixels differ by {after}, {before} before");
     }
 }
