@@ -11,6 +11,7 @@ mod emitter_sample;
 mod environment;
 mod extent;
 mod follow;
+mod gather;
 mod ggx_sun;
 mod goldens;
 mod host;

@@ -212,7 +212,7 @@ enum Filter {
 /// The passes.
 #[derive(Debug)]
 pub struct Gather {
-    gather: ComputePipeline,
+    shade: ComputePipeline,
     filter: Filter,
     key: GatherKey,
 }
@@ -242,7 +242,7 @@ impl Pass for Gather {
             Ok([along(false)?, along(true)?])
         };
         Ok(Self {
-            gather: make(shaders::gather(sight, key.clamp_loss), &constants)?,
+            shade: make(shaders::gather(sight, key.clamp_loss), &constants)?,
             filter: match key.filter {
                 IrradianceFilter::None => Filter::None,
                 IrradianceFilter::Edges => Filter::Edges(both("indirect/gather/edges.cs.wesl")?),
@@ -371,7 +371,7 @@ impl Gather {
             }
             binds.extend(atlas.into_iter().flat_map(IsmAtlas::binds));
             binds.extend(inputs.tracer.map(|tracer| ("tracer", tracer.into())));
-            frame.compute("indirect/gather", &self.gather, &shared, &binds, dispatch);
+            frame.compute("indirect/gather", &self.shade, &shared, &binds, dispatch);
         }
     }
 
@@ -406,7 +406,7 @@ fn size(room: &GatherRoom) -> [u32; 2] {
 /// What is read and what is written so many passes before the last.
 fn turns(left: usize, room: &GatherRoom) -> (&Texture, &Texture) {
     let between = room.between.as_ref().unwrap_or(&room.irradiance);
-    if left % 2 == 0 { (between, &room.irradiance) } else { (&room.irradiance, between) }
+    if left.is_multiple_of(2) { (between, &room.irradiance) } else { (&room.irradiance, between) }
 }
 
 /// The handles of `place.wesl`.

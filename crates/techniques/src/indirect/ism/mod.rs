@@ -30,8 +30,8 @@
 //! tan α = √(A |cos θ| / π) / d,  and in the map a circle of centre ω.xy / (ω.z + cos α), radius sin α / (ω.z + cos α),
 //!
 //! which for small α is α / (1 + ω.z), times R / 2 in texels. Texels whose centres are inside take part, and the centre's own
-//! always: a disc smaller than a texel is one texel large. Each texel's depth is that of the disc's plane. Points lower than a
-//! tenth of the disc's radius √(A / π) over the VPL's plane are the VPL's own surface and left out.
+//! always: a disc smaller than a texel is one texel large. Each texel's depth is that of the disc's plane, which goes on beyond
+//! the disc away from the VPL: ended there, discs of slanted walls shadowed the walls behind them. Points lower than a tenth of the disc's radius √(A / π) over the VPL's plane are the VPL's own surface and left out.
 //!
 //! # Pull and push
 //! Pull (Marroquim et al. 2007): a coarser texel is the mean of those of its four finer ones that hold anything and are no
@@ -43,8 +43,10 @@
 //!
 //! # Limits
 //! - Depth is cut to 11 bits of mantissa, off by at most 2⁻¹² of itself once the middle of the step is taken.
-//! - What is nearer than the bias (two texels' width and half a disc's radius) to a surface does not shadow it: contact shadows
-//!   are lost. Surfaces seen slanted still shadow themselves, and lose light.
+//! - What is nearer than the bias (a texel's width and half a disc's radius) to a surface does not shadow it: contact shadows
+//!   are lost. Surfaces are compared with their own plane and do not shadow themselves, but for holes filled flatter than a
+//!   slanted wall is: within a fortieth of a room from a corner a VPL loses 1 % of its light.
+//! - Of what is seen edge-on, texels that look past its plane hold nothing.
 //! - Filling reaches up to 2^(levels + 1) − 2 texels beyond what is there into what is empty, and closes gaps narrower than
 //!   2^levels texels in what is in front, whether they are gaps between points or real.
 //! - No circle's radius is more than a quarter of the tile: blockers nearer than one to two of a disc's radius are too small.

@@ -7,22 +7,22 @@ mod splats;
 use std::f32::consts::PI;
 
 use bytemuck::{Pod, Zeroable};
-use chiaro_gpu::{Buffer, BufferReadback, Dispatch, Gpu, Readback, Recorder};
+use chiaro_gpu::{Buffer, BufferReadback, Dispatch, Frame, Gpu, Readback, Recorder};
 use chiaro_techniques::Pass;
-use chiaro_techniques::indirect::ism::{Ism, IsmInputs, IsmPlan, IsmRoom};
+use chiaro_techniques::indirect::ism::{Ism, IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
 use chiaro_techniques::indirect::{IndirectSettings, IsmResolution, Vpl};
 use chiaro_testkit::Bench;
 use glam::{Mat3, Vec2, Vec3};
 
-const EMPTY: u32 = u32::MAX;
+pub(crate) const EMPTY: u32 = u32::MAX;
 const NO_INDEX: u32 = 0x1fff;
 /// Relative size of a step of depth.
 const STEP: f32 = 1.0 / 2048.0;
 
 #[derive(Clone, Copy, Debug)]
-struct Point {
-    position: Vec3,
-    normal: Vec3,
+pub(crate) struct Point {
+    pub(crate) position: Vec3,
+    pub(crate) normal: Vec3,
 }
 
 impl Point {
@@ -50,7 +50,7 @@ fn frame(n: Vec3) -> Mat3 {
     )
 }
 
-fn settings(ism_resolution: IsmResolution, levels: u32) -> IndirectSettings {
+pub(crate) fn settings(ism_resolution: IsmResolution, levels: u32) -> IndirectSettings {
     IndirectSettings { ism_resolution, levels, ..IndirectSettings::default() }
 }
 
@@ -86,23 +86,23 @@ impl Place {
 }
 
 /// VPLs and points, and the maps that were made of them.
-struct Rig<'a> {
+pub(crate) struct Rig<'a> {
     gpu: &'a Gpu,
-    bench: Bench,
+    pub(crate) bench: Bench,
     ism: Ism,
     settings: IndirectSettings,
     points: Buffer,
     pool: u32,
-    vpls: Buffer,
-    vpl_count: Buffer,
+    pub(crate) vpls: Buffer,
+    pub(crate) vpl_count: Buffer,
     area_m2: f32,
     largest_m: f32,
-    room: IsmRoom,
+    pub(crate) room: IsmRoom,
 }
 
 impl<'a> Rig<'a> {
     /// Makes the maps; `area_m2` is that of all points of a block.
-    fn new(
+    pub(crate) fn new(
         gpu: &'a Gpu,
         settings: IndirectSettings,
         (points, area_m2, largest_m): (&[Point], f32, f32),
@@ -112,7 +112,7 @@ impl<'a> Rig<'a> {
         Self::with_plan(gpu, settings, (points, area_m2, largest_m), vpls, plan)
     }
 
-    fn with_plan(
+    pub(crate) fn with_plan(
         gpu: &'a Gpu,
         settings: IndirectSettings,
         (points, area_m2, largest_m): (&[Point], f32, f32),
@@ -142,6 +142,12 @@ impl<'a> Rig<'a> {
     fn make(&mut self) {
         let mut recorder = Recorder::new(self.gpu, false);
         let mut frame = recorder.begin();
+        self.record(&mut frame);
+        frame.submit();
+    }
+
+    /// Draws the maps as a part of a frame.
+    pub(crate) fn record(&self, frame: &mut Frame<'_>) -> &[IsmAtlas] {
         let inputs = IsmInputs {
             points: &self.points,
             pool: self.pool,
@@ -150,8 +156,7 @@ impl<'a> Rig<'a> {
             scene_area_m2: self.area_m2,
             largest_m: self.largest_m,
         };
-        self.ism.record(&mut frame, &self.settings, &inputs, &self.room);
-        frame.submit();
+        self.ism.record(frame, &self.settings, &inputs, &self.room)
     }
 
     /// The same points with other settings.
@@ -189,26 +194,11 @@ impl<'a> Rig<'a> {
         let buffer = self.bench.buffer("places", places);
         let mut recorder = Recorder::new(self.gpu, false);
         let mut frame = recorder.begin();
-        let inputs = IsmInputs {
-            points: &self.points,
-            pool: self.pool,
-            vpls: &self.vpls,
-            vpl_count: &self.vpl_count,
-            scene_area_m2: self.area_m2,
-            largest_m: self.largest_m,
-        };
-        let atlases = self.ism.record(&mut frame, &self.settings, &inputs, &self.room);
+        let atlases = self.record(&mut frame);
         let [words, uniform] = atlases[0].binds();
         let binds = [words, uniform, ("places", (&buffer).into()), ("vpls", (&self.vpls).into())];
         let work = (Dispatch::Threads([places.len() as u32, 1, 1]), places.len());
-        let get = |name: &str, default: f64| std::env::var(name).map_or(default, |t| t.parse().unwrap());
-        let closer = [
-            ("ISM_CLOSER", f64::from(u8::from(closer))),
-            ("BIAS_TEXELS", get("BT", 2.0)),
-            ("BIAS_DISCS", get("BD", 0.5)),
-            ("LOWER", get("LO", 0.5)),
-            ("UPPER", get("UP", 1.0)),
-        ];
+        let closer = [("ISM_CLOSER", f64::from(u8::from(closer)))];
         let output = self.bench.record(&mut frame, shader, &closer, None, &binds, work);
         frame.submit();
         self.bench.read(&output)
@@ -238,7 +228,7 @@ fn solid_angle(resolution: u32, tile: &[u32]) -> f32 {
 }
 
 /// A room of 2 × 2 × 2 m around the origin and what stands in it, by points stratified over their area.
-fn scatter(rectangles: &[[Vec3; 3]], points: usize, blocks: usize) -> (Vec<Point>, f32) {
+pub(crate) fn scatter(rectangles: &[[Vec3; 3]], points: usize, blocks: usize) -> (Vec<Point>, f32) {
     let area = |[_, a, b]: &[Vec3; 3]| 4.0 * a.cross(*b).length();
     let total: f32 = rectangles.iter().map(area).sum();
     // A Halton sequence whose first number runs along the area, each block turned.
@@ -268,7 +258,7 @@ fn scatter(rectangles: &[[Vec3; 3]], points: usize, blocks: usize) -> (Vec<Point
 }
 
 /// The walls of the room: centre and two half sides.
-fn walls() -> Vec<[Vec3; 3]> {
+pub(crate) fn walls() -> Vec<[Vec3; 3]> {
     let axes = [Vec3::X, Vec3::Y, Vec3::Z];
     (0..6)
         .map(|i| [axes[i % 3] * if i < 3 { 1.0 } else { -1.0 }, axes[(i + 1) % 3], axes[(i + 2) % 3]])

@@ -44,7 +44,7 @@ fn an_empty_room_is_seen_everywhere() {
         vpl(Vec3::new(-1.0, 0.95, -0.5), Vec3::X, 2),
     ];
     // The nearer a wall, the more it is slanted.
-    let most = [1e-3, 0.03, 0.07];
+    let most = [1e-3, 0.007, 0.012];
     let mut all = Vec::new();
     let mut weights = Vec::new();
     for [centre, a, b] in walls() {
@@ -67,13 +67,10 @@ fn an_empty_room_is_seen_everywhere() {
             let light: f32 = here().map(|(_, (_, weight))| weight).sum();
             let arrives: f32 = here().map(|(_, (seen, weight))| seen * weight).sum();
             let lost = 1.0 - arrives / light;
-            println!("LOST {levels} {number} {lost}");
-            if std::env::var_os("TRY").is_none() {
-                assert!(
-                    lost < most[number as usize],
-                    "{levels} levels, VPL {number}: {lost} of the light is lost"
-                );
-            }
+            assert!(
+                lost < most[number as usize],
+                "{levels} levels, VPL {number}: {lost} of the light is lost"
+            );
         }
     }
 }
@@ -111,7 +108,6 @@ fn a_plate_shadows_what_is_behind_it_and_nothing_else() {
         assert!(inside > least, "{levels} levels: {inside} of the shadow is dark");
         assert_eq!(outside, 0.0, "{levels} levels");
         let area = dark(&|_| true) / SHADOW_M.powi(2);
-        println!("PLATE {levels} inside {inside} outside {outside} area {area}");
         assert!(levels == 0 || (area - 1.0).abs() < 0.12, "the shadow is {area} times as large as it is");
     }
 }

@@ -108,8 +108,9 @@ fn drawn(resolution: u32, points: &[Point], vpl: &Vpl, (point_area, largest): (f
             let at = Vec2::new((i % resolution) as f32, (i / resolution) as f32);
             if (at + 0.5).distance(centre) <= radius || at == centre.floor() {
                 let along = normal.dot(direction(resolution, at + 0.5));
-                let plane = (normal.dot(to) / along).clamp(d - reach, d + reach);
-                let depth = if along.abs() > 1e-3 { plane } else { d };
+                let plane = normal.dot(to);
+                let met = if plane * along > 0.0 { (plane / along).max(d - reach) } else { largest };
+                let depth = if along.abs() > 1e-3 { met } else { d };
                 let word = (depth / largest).min(1.0).to_bits() >> 12 << 13 | index;
                 *texel = word.min(*texel);
             }
