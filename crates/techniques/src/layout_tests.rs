@@ -301,7 +301,7 @@ fn rust_structs_equal_their_wesl_twins() {
         pull_threshold,
         push_threshold,
         pyramid,
-        reserved,
+        splat,
     );
     let refit = &linked("rays/refit.cs.wesl");
     same!(refit, RefitJob, "RefitJob", node, own, children, pad);

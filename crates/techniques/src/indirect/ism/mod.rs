@@ -112,7 +112,7 @@ pub(crate) struct IsmData {
     pub(crate) pull_threshold: f32,
     pub(crate) push_threshold: f32,
     pub(crate) pyramid: u32,
-    pub(crate) reserved: u32,
+    pub(crate) splat: f32,
 }
 
 /// What is drawn.
@@ -349,7 +349,7 @@ impl Ism {
                 pull_threshold: settings.pull_threshold,
                 push_threshold: settings.push_threshold,
                 pyramid: plan.pyramid(),
-                reserved: 0,
+                splat: settings.splat,
             };
             frame.upload(&atlas.uniform, &[data]);
             let [words, uniform] = atlas.binds();
