@@ -199,6 +199,7 @@ impl Gpu {
                 required_limits.max_storage_buffer_binding_size = has.max_storage_buffer_binding_size;
                 required_limits.max_texture_dimension_2d = has.max_texture_dimension_2d;
                 required_limits.max_texture_array_layers = has.max_texture_array_layers;
+                required_limits.max_compute_workgroup_storage_size = has.max_compute_workgroup_storage_size;
             }
         }
         let missing = missing_limits(&required_limits, &adapter.limits());

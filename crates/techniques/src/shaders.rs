@@ -174,7 +174,6 @@ pub fn permutations() -> Vec<Permutation> {
         "indirect/ism/picture.cs.wesl",
         "indirect/ism/pull.cs.wesl",
         "indirect/ism/push.cs.wesl",
-        "indirect/ism/splat.cs.wesl",
         "indirect/vpls/choose.cs.wesl",
         "indirect/vpls/place.cs.wesl",
         "indirect/vpls/scan.cs.wesl",
@@ -212,6 +211,7 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(behind(a));
         all.push(motion_vectors(a));
         all.push(accumulate(a));
+        all.push(ism_splat(a));
         all.push(path_trace(a));
         all.push(shadow_depth(a));
         all.extend([shadow_paraboloid(a, false), shadow_paraboloid(a, true)]);
@@ -325,6 +325,11 @@ pub fn accumulate(raw: bool) -> Permutation {
 /// One quantity of surface or light.
 pub fn aov(shadows: ShadowSource) -> Permutation {
     shadows.flags(Permutation::plain("post/aov.cs.wesl"))
+}
+
+/// Imperfect shadow maps; with `teams`, large discs are drawn by several lanes.
+pub fn ism_splat(teams: bool) -> Permutation {
+    Permutation::plain("indirect/ism/splat.cs.wesl").flag("teams", teams)
 }
 
 /// What a light's view shows as light that goes on.

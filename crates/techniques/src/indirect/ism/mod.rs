@@ -94,6 +94,9 @@ const AFTER: ViewHint = ViewHint::scaled(
 /// Texels a side at most of a block that a workgroup keeps in its memory.
 const BLOCK: u32 = 64;
 
+/// A workgroup's memory that teams take beside a block.
+const TEAMS_BYTES: u32 = 4 * BLOCK * BLOCK + 4 * 256 + 16;
+
 /// As many workgroups as WebGPU lets start in a row.
 const MOST_VPLS: u32 = 65_535;
 
@@ -275,9 +278,11 @@ impl Pass for Ism {
     type Key = ();
 
     fn compile(kit: &Kit, (): &()) -> Result<Self, GpuError> {
-        let make = |entry| ComputePipeline::new(&kit.gpu, &kit.library, &shaders::plain(entry), &[], &[]);
+        let compile = |entry| ComputePipeline::new(&kit.gpu, &kit.library, &entry, &[], &[]);
+        let make = |entry| compile(shaders::plain(entry));
+        let teams = kit.gpu.limits.max_compute_workgroup_storage_size >= TEAMS_BYTES;
         Ok(Self {
-            splat: make("indirect/ism/splat.cs.wesl")?,
+            splat: compile(shaders::ism_splat(teams))?,
             pull: make("indirect/ism/pull.cs.wesl")?,
             push: make("indirect/ism/push.cs.wesl")?,
             picture: make("indirect/ism/picture.cs.wesl")?,
