@@ -91,6 +91,9 @@ const CLAMP_LOSS: ViewHint =
 /// Pixels a side of what a workgroup shades of a sub-image.
 const SIDE: u32 = 8;
 
+/// Pixels of a workgroup of `edges.cs.wesl`, along the window and across it.
+const EDGES_GROUP: [u32; 2] = [32, 8];
+
 /// What the passes know; `place.wesl` holds its twin.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -393,7 +396,16 @@ impl Gather {
         for ((pass, name), turn) in smooth.iter().zip(names).zip([1, 0]) {
             let (before, after) = turns(turn, room);
             let smoothed = [("irradiance", before.into()), ("smoothed", after.into())];
-            frame.compute(name, pass, &[inputs.group], &[&binds[..], &smoothed].concat(), pixels);
+            let dispatch = match &self.filter {
+                Filter::Edges(_) => {
+                    let [long, wide] = EDGES_GROUP;
+                    // Along rows first.
+                    let group = if turn == 1 { [long, wide] } else { [wide, long] };
+                    Dispatch::Groups([width.div_ceil(group[0]), height.div_ceil(group[1]), 1])
+                }
+                _ => pixels,
+            };
+            frame.compute(name, pass, &[inputs.group], &[&binds[..], &smoothed].concat(), dispatch);
         }
     }
 }
