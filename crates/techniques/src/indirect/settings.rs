@@ -123,7 +123,7 @@ settings! {
             only "indirect.technique=ism";
         /// Radius that a point is drawn with, of the disc that it stands for. Less leaves more holes to pull-push, and is
         /// faster by its square.
-        splat: f32 = 1.0, "radii", 0.0..=2.0, Uniform,
+        splat: f32 = 0.8, "radii", 0.0..=2.0, Uniform,
             only "indirect.technique=ism";
         /// Texels a side of each virtual light's shadow map. More keeps smaller gaps and thinner blockers apart where there are
         /// points enough, and takes 4 bytes a texel (a third more with pull-push) and as much bandwidth; points are read once for
