@@ -31,7 +31,8 @@
 //!
 //! which for small α is α / (1 + ω.z), times R / 2 in texels. Texels whose centres are inside take part, and the centre's own
 //! always: a disc smaller than a texel is one texel large. Each texel's depth is that of the disc's plane, which goes on beyond
-//! the disc away from the VPL: ended there, discs of slanted walls shadowed the walls behind them. Points lower than a tenth of the disc's radius √(A / π) over the VPL's plane are the VPL's own surface and left out.
+//! the disc away from the VPL: ended there, discs of slanted walls shadowed the walls themselves. Points lower than a tenth of
+//! the disc's radius √(A / π) over the VPL's plane are the VPL's own surface and left out.
 //!
 //! # Pull and push
 //! Pull (Marroquim et al. 2007): a coarser texel is the mean of those of its four finer ones that hold anything and are no
