@@ -27,8 +27,8 @@ fn driver(scene: &str) -> Driver {
     driver
 }
 
-/// The picture at rest with a technique, and the check that nothing failed on the way.
-fn with(driver: &mut Driver, technique: &str) -> Pixels {
+/// The picture after so many frames with a technique, and the check that nothing failed on the way.
+fn with(driver: &mut Driver, technique: &str, frames: u32) -> Pixels {
     let mut settings = driver.viewer.settings().clone();
     settings.set("indirect.technique", technique).unwrap();
     driver.viewer.set(settings);
@@ -36,10 +36,16 @@ fn with(driver: &mut Driver, technique: &str) -> Pixels {
     driver.frame(Vec::new());
     assert!(driver.viewer.picture().is_some());
     driver.settle();
-    let picture = driver.picture();
+    driver.until("averaged", |viewer| viewer.frames() >= frames);
+    let picture = read(driver);
     assert_eq!(driver.viewer.settings_error(), None);
     assert_eq!(driver.viewer.messages().collect::<Vec<_>>(), Vec::<&str>::new());
     picture
+}
+
+fn read(driver: &Driver) -> Pixels {
+    let texture = driver.viewer.picture().expect("a scene is on show");
+    Readback::start(&driver.gpu, texture).unwrap().wait(&driver.gpu).unwrap()
 }
 
 fn differ(a: &Pixels, b: &Pixels) -> f64 {
@@ -51,7 +57,7 @@ fn differ(a: &Pixels, b: &Pixels) -> f64 {
 fn techniques_of_indirect_light_follow_each_other() {
     let mut driver = driver("builtin:cornell");
     let names = ["ambient", "ism", "traced", "rsm", "none"];
-    let pictures = names.map(|name| with(&mut driver, name));
+    let pictures = names.map(|name| with(&mut driver, name, 64));
     for (number, one) in pictures.iter().enumerate() {
         for (other, name) in pictures.iter().zip(names).skip(number + 1) {
             let apart = differ(one, other);
@@ -61,7 +67,7 @@ fn techniques_of_indirect_light_follow_each_other() {
     let [.., rsm, none] = &pictures;
     assert!(mean(none) < mean(rsm), "virtual lights bring nothing");
     // And back: nothing of what was between is left.
-    assert!(with(&mut driver, "ism") == pictures[1], "imperfect shadow maps are others the second time");
+    assert!(with(&mut driver, "ism", 64) == pictures[1], "imperfect shadow maps are others the second time");
     // Points of another number are strewn while the old ones are drawn from.
     let mut settings = driver.viewer.settings().clone();
     settings.set("indirect.points", "8192").unwrap();
@@ -69,17 +75,29 @@ fn techniques_of_indirect_light_follow_each_other() {
     driver.settle();
     assert!(differ(&driver.picture(), &pictures[1]) > 0.0, "the points are the same");
     assert_eq!(driver.viewer.settings_error(), None);
+    // What does not fit is told, and what was there before goes on.
+    let before = driver.viewer.settings().clone();
+    let mut settings = before.clone();
+    settings.set("indirect.vpls", "65535").unwrap();
+    settings.set("indirect.ism_resolution", "256").unwrap();
+    driver.viewer.set(settings);
+    driver.settle();
+    let error = driver.viewer.settings_error().expect("17 GB are refused");
+    assert!(error.contains("imperfect shadow maps"), "{error}");
+    assert_eq!(driver.viewer.settings(), &before);
+    assert!(mean(&driver.picture()) > 1.0);
 }
 
 #[test]
 fn glass_and_both_pipelines_have_indirect_light_too() {
     let mut driver = driver("builtin:pool");
-    let deferred = [with(&mut driver, "none"), with(&mut driver, "ism")];
+    driver.size = [360, 60];
+    let deferred = [with(&mut driver, "none", 2), with(&mut driver, "ism", 2)];
     let mut settings = driver.viewer.settings().clone();
     settings.pipeline = Pipeline::Forward;
     driver.viewer.set(settings);
     driver.settle();
-    let forward = with(&mut driver, "ism");
+    let forward = with(&mut driver, "ism", 2);
     let [bounced, pipelines] = [differ(&deferred[0], &deferred[1]), differ(&forward, &deferred[1])];
     assert!(pipelines < 0.5 * bounced, "{bounced} of indirect light, {pipelines} between pipelines");
 }
@@ -89,7 +107,7 @@ fn digits_choose_what_indirect_light_is_made_from() {
     let mut driver = driver("builtin:cornell");
     driver.press(Key::Num7);
     assert!(driver.viewer.buffer().is_none(), "there are no virtual lights");
-    with(&mut driver, "ism");
+    with(&mut driver, "ism", 1);
     for (key, name) in [
         (Key::Num7, "rsm_picture"),
         (Key::Num8, "ism_after"),
