@@ -34,8 +34,14 @@ impl Random {
             Kind::Switch => (self.below(2) == 1).to_string(),
             Kind::Choice(names) => names[self.below(names.len() as u32) as usize].0.to_owned(),
             Kind::Whole(low, high) => {
-                // Large maps take a software rasteriser seconds, and show nothing that smaller ones do not.
-                let high = if key.ends_with("resolution") { (*high).min(512) } else { *high };
+                // Large maps and many lights take a software rasteriser seconds, and show nothing that smaller ones do not.
+                let most = match key {
+                    "indirect.vpls" => 1024,
+                    "indirect.points" => 1 << 17,
+                    _ if key.ends_with("resolution") => 512,
+                    _ => u32::MAX,
+                };
+                let high = (*high).min(most);
                 let low_f = f64::from((*low).max(1));
                 let value = low_f * (f64::from(high) / low_f).powf(self.share());
                 (value.round() as u32).clamp(*low, high).to_string()

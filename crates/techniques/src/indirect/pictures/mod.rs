@@ -87,7 +87,7 @@ struct Cells {
 impl Cells {
     /// As square as can be; `side`: of the largest map.
     fn new(views: u32, side: u32, most: u32) -> Self {
-        let columns = (1..).find(|columns| columns * columns >= views).unwrap_or(1);
+        let columns = (1..=views).find(|columns| columns * columns >= views).unwrap_or(1);
         let mut step = 1;
         while columns * side.div_ceil(step) > most && step < side {
             step *= 2;
