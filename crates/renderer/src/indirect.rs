@@ -4,6 +4,7 @@ use chiaro_gpu::{Frame, Gpu, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
 use chiaro_techniques::indirect::gather::{GatherInputs, GatherRoom};
 use chiaro_techniques::indirect::ism::{IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
+use chiaro_techniques::indirect::pictures::{PictureInputs, PictureRoom};
 use chiaro_techniques::indirect::points::PointRoom;
 use chiaro_techniques::indirect::rsm::{self, RsmInputs, RsmPlan, RsmRoom};
 use chiaro_techniques::indirect::vpls::{VplRoom, candidates};
@@ -26,6 +27,8 @@ pub(crate) struct IndirectRooms {
     gather: Option<GatherRoom>,
     // Of see-through layers.
     layer: Option<GatherRoom>,
+    // Where they are wanted.
+    pictures: Option<PictureRoom>,
 }
 
 /// What a frame asks for.
@@ -113,6 +116,13 @@ impl IndirectRooms {
                 self.layer = None;
             }
         }
+        match passes.pictures.as_ref().filter(|_| wanted.pictures) {
+            Some(pictures) => {
+                let has_points = self.points.is_some();
+                pictures.room((gpu, pool), wanted.size_px, &rsm, has_points, &mut self.pictures);
+            }
+            None => self.pictures = None,
+        }
         Ok(IndirectPlan { rsm, round: wanted.round, share: wanted.share })
     }
 
@@ -162,6 +172,16 @@ impl IndirectRooms {
                 largest_m: lo.distance(hi).max(f32::MIN_POSITIVE),
             };
             ism.record(frame, indirect, &shadowed, room);
+        }
+        if let (Some(pictures), Some(room)) = (passes.pictures.as_ref(), &self.pictures) {
+            let shown = PictureInputs {
+                group,
+                surface,
+                maps: (&plan.rsm, maps),
+                vpls: placed,
+                points: self.points.as_ref(),
+            };
+            pictures.record(frame, &shown, room);
         }
         self.gather(frame, (settings, passes), inputs, (&surface.depth, &surface.surface, &self.gather))
     }

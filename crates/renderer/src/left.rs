@@ -145,6 +145,7 @@ impl Renderer {
         size: [u32; 2],
     ) -> Result<Vec<Resource>, Error> {
         let mut state = ViewState::new(self);
+        state.show_maps(true);
         let prepared = self.prepare(&mut state, scene, view, size, (Vec2::ZERO, 1.0))?;
         let mut frame = recorder.begin();
         let _ = prepared.record(&mut frame, true);

@@ -4,6 +4,7 @@ use chiaro_gpu::{GpuError, parallel};
 use chiaro_techniques::direct::{DirectLight, Permutations};
 use chiaro_techniques::indirect::gather::{Gather, GatherKey};
 use chiaro_techniques::indirect::ism::Ism;
+use chiaro_techniques::indirect::pictures::Pictures;
 use chiaro_techniques::indirect::points::Points;
 use chiaro_techniques::indirect::rsm::Rsm;
 use chiaro_techniques::indirect::vpls::Vpls;
@@ -102,6 +103,9 @@ passes! {
     ism: Option<Ism> = |settings: &Settings, _| settings.points().is_some().then_some(());
     gather: Option<Gather> = |settings: &Settings, facts| {
         GatherKey::new(&settings.indirect, settings.shadow.transmission_tint, facts)
+    };
+    pictures: Option<Pictures> = |settings: &Settings, _| {
+        settings.indirect.technique.makes_vpls().then_some(())
     };
     refit: Option<Refit> = |settings: &Settings, _| settings.shoots_rays().then_some(());
 }

@@ -77,8 +77,8 @@ impl ViewState {
         self.wants_parts = wanted;
     }
 
-    /// Whether frames prepared from now on leave pictures of what is not shaped like one, too: imperfect shadow maps beside
-    /// each other.
+    /// Whether frames prepared from now on leave pictures of what is not shaped like one, too: points, virtual lights, their
+    /// reflective and their imperfect shadow maps.
     pub fn show_maps(&mut self, wanted: bool) {
         self.wants_pictures = wanted;
     }

@@ -10,6 +10,7 @@ use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::indirect::Vpl;
 use crate::indirect::gather::GatherData;
 use crate::indirect::ism::IsmData;
+use crate::indirect::pictures::PictureData;
 use crate::indirect::points::PointFacts;
 use crate::indirect::rsm::RsmViewData;
 use crate::indirect::vpls::SamplingData;
@@ -283,6 +284,19 @@ fn rust_structs_equal_their_wesl_twins() {
         count,
         reserved0,
         reserved1,
+    );
+    same!(
+        &linked("indirect/pictures/rsm.cs.wesl"),
+        PictureData,
+        "PictureData",
+        points,
+        tiles,
+        views,
+        columns,
+        cell,
+        step,
+        radius_px,
+        reserved,
     );
     let splat = &linked("indirect/ism/splat.cs.wesl");
     same!(splat, Vpl, "Vpl", position_ws, normal, flux, block_radius);

@@ -26,7 +26,17 @@ impl fmt::Display for Source {
     }
 }
 
-/// All that a frame has, in the order of the keys: the digits 1 to 9 and 0 choose the first ten.
+/// What indirect light is made from: the digits 7, 8, 9 and 0 choose it, whatever else there is; and when there is any.
+const OF_INDIRECT: [(&str, &str); 4] = [
+    ("rsm_picture", "indirect.technique=rsm|ism|traced"),
+    ("ism_after", "indirect.technique=ism"),
+    ("vpl_picture", "indirect.technique=rsm|ism|traced"),
+    ("discontinuities", "indirect.technique=rsm|ism|traced and indirect.filter=discontinuity"),
+];
+/// Digits before them, which choose the first quantities.
+const QUANTITIES: usize = 6;
+
+/// All that a frame has, in the order of the keys.
 #[derive(Debug, Default)]
 pub struct Offer(Vec<(Source, ViewHint)>);
 
@@ -54,8 +64,18 @@ impl Offer {
         self.after(source, self.0.len().saturating_sub(1))
     }
 
+    /// What the digit key of that place chooses: 1 to 9, then 0.
+    pub fn by_key(&self, index: usize) -> Option<Source> {
+        match index.checked_sub(QUANTITIES) {
+            None => self.number(index),
+            Some(index) => OF_INDIRECT
+                .get(index)
+                .map(|(name, _)| Source::Resource(ResourceName { technique: "indirect", name, number: 1 })),
+        }
+    }
+
     /// By its place.
-    pub fn number(&self, index: usize) -> Option<Source> {
+    fn number(&self, index: usize) -> Option<Source> {
         self.0.get(index).map(|(source, _)| *source)
     }
 }
@@ -125,6 +145,12 @@ pub struct Drawn {
 }
 
 impl Source {
+    /// With which settings frames have it, of what digits choose.
+    pub fn only(self) -> Option<&'static str> {
+        let Self::Resource(ResourceName { technique: "indirect", name, .. }) = self else { return None };
+        OF_INDIRECT.into_iter().find(|(other, _)| *other == name).map(|(_, only)| only)
+    }
+
     /// Whether it is made of the frame's light taken apart.
     pub fn is_part(self) -> bool {
         matches!(self, Self::Quantity(aov) if aov.is_part())

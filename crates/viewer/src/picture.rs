@@ -3,7 +3,7 @@
 
 use chiaro::techniques::post::{Display, Sum, Summed};
 use chiaro::{
-    Frame, Gpu, Jitter, Pixels, Readback, Sampling, Settings, Texture, TexturePool, View, ViewState,
+    Error, Frame, Gpu, Jitter, Pixels, Readback, Sampling, Settings, Texture, TexturePool, View, ViewState,
 };
 
 use crate::buffers::{self, Drawn, Offer, Place, Shown};
@@ -203,21 +203,25 @@ impl Picture {
     }
 
     /// Records a frame, its sum and its picture, and the buffer that is shown.
+    ///
+    /// # Errors
+    /// As [`Renderer::prepare`](chiaro::Renderer::prepare): all stays as it was.
     pub fn record(
         &mut self,
         frame: &mut Frame<'_>,
         engine: &mut Engine,
         (stage, view): (&Stage, &View),
         shown: Shown,
-    ) {
+    ) -> Result<(), Error> {
         let sampling = self.sampling();
-        let Some((sum, picture)) = &mut self.textures else { return };
+        let Some((sum, picture)) = &mut self.textures else { return Ok(()) };
         let Engine { renderer, passes, .. } = engine;
         let options = picture.options();
         let size_px = [options.width, options.height];
         let state = self.state.get_or_insert_with(|| ViewState::new(renderer));
         state.take_apart(shown.place != Place::Off && shown.source.is_part());
-        let Ok(prepared) = renderer.prepare(state, &stage.loaded, view, size_px, sampling) else { return };
+        state.show_maps(shown.place != Place::Off);
+        let prepared = renderer.prepare(state, &stage.loaded, view, size_px, sampling)?;
         let buffer = self.buffer.as_mut().filter(|_| shown.place != Place::Off);
         let outputs = prepared.record(frame, buffer.is_some());
         if self.moved {
@@ -249,6 +253,7 @@ impl Picture {
             self.drawn =
                 Some(buffers::draw(frame, (engine, state), stage, &outputs, shown, (scratch, picture)));
         }
+        Ok(())
     }
 
     /// Records the truth into its part of the picture, exposed like the rest, and the frames' own sum where the truth is no

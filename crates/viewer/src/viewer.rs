@@ -5,8 +5,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use chiaro::scene::{Scene, Source};
+use chiaro::techniques::indirect::points::PointData;
+use chiaro::techniques::indirect::{IndirectSettings, Technique};
 use chiaro::techniques::shadow::ShadowSettings;
-use chiaro::{Gpu, GpuError, Library, Lookout, Recorder, Settings, Trees, View, wgpu};
+use chiaro::{Error, Gpu, GpuError, Library, Lookout, Recorder, Settings, Trees, View, wgpu};
 use egui_wgpu::ScreenDescriptor;
 
 use crate::buffers::{Place, Source as Buffer};
@@ -120,6 +122,8 @@ pub(crate) enum Report {
     Rebuilt(Result<Box<Rebuilt>, String>, Purpose),
     /// Of which scene.
     Grown(Result<Box<Trees>, String>, Arc<Scene>),
+    /// Of which scene.
+    Strewn(Box<PointData>, Arc<Scene>),
     Written(Result<String, String>),
 }
 
@@ -155,6 +159,11 @@ pub struct Viewer {
     // Trees for rays through the scene: whether some are being built, and some that still need passes.
     growing: bool,
     grown: Option<(Box<Trees>, Arc<Scene>)>,
+    // The same of points for imperfect shadow maps.
+    strewing: bool,
+    strewn: Option<(Box<PointData>, Arc<Scene>)>,
+    // With what the last picture was made.
+    drew: Settings,
     // What the panel shows; in force once everything it needs is compiled.
     pub(crate) wanted: Settings,
     start: StartCamera,
@@ -243,6 +252,9 @@ impl Viewer {
             building: false,
             growing: false,
             grown: None,
+            strewing: false,
+            strewn: None,
+            drew: options.settings.clone(),
             wanted: options.settings,
             start: options.camera,
             eye: Eye::Placed(0),
@@ -324,7 +336,8 @@ impl Viewer {
     /// Whether nothing is being loaded or compiled, and the settings shown are in force.
     pub fn is_settled(&self) -> bool {
         let in_force = self.engine.as_ref().is_some_and(|engine| *engine.renderer.settings() == self.wanted);
-        in_force && self.loading.is_none() && self.incoming.is_none() && !self.building && !self.growing
+        let busy = self.building || self.growing || self.strewing;
+        in_force && self.loading.is_none() && self.incoming.is_none() && !busy
     }
 
     /// The picture without the panel, 8-bit sRGB; `None` before the first frame of a scene.
@@ -507,8 +520,15 @@ impl Viewer {
                         Err(error) => {
                             self.panel.settings_error = Some(error);
                             self.wanted.shadow.layout = ShadowSettings::default().layout;
+                            if self.wanted.indirect.technique == Technique::Traced {
+                                self.wanted.indirect.technique = IndirectSettings::default().technique;
+                            }
                         }
                     }
+                }
+                Report::Strewn(points, scene) => {
+                    self.strewing = false;
+                    self.strewn = Some((points, scene));
                 }
                 Report::Written(Ok(names)) => self.notices.tell(format!("wrote {names}")),
                 Report::Written(Err(error)) => self.notices.fail(error),
@@ -567,15 +587,42 @@ impl Viewer {
         lacks && self.grown.is_none()
     }
 
+    /// Has points built for imperfect shadow maps, where settings ask for some that the scene does not have; whether it
+    /// lacks any.
+    fn strew(&mut self) -> bool {
+        let strewn = self.strewn.take();
+        let (busy, wanted) = (self.strewing, self.wanted.clone());
+        let Some(options) = wanted.points() else { return false };
+        let Some(stage) = self.coming() else { return false };
+        let lacks = stage.loaded.lacks_points(&wanted);
+        // Another scene may have come since they were begun, or others be wanted.
+        let serves = |(points, of): &(Box<PointData>, Arc<Scene>)| {
+            Arc::ptr_eq(&stage.scene, of) && *points.options() == options
+        };
+        let strewn = strewn.filter(|strewn| lacks && serves(strewn));
+        if lacks && strewn.is_none() && !busy {
+            let (scene, pose) = (stage.scene.clone(), stage.pose.clone());
+            self.strewing = true;
+            self.jobs
+                .start(move || Report::Strewn(Box::new(PointData::build(&scene, &pose, options)), scene));
+        }
+        self.strewn = strewn;
+        lacks && self.strewn.is_none()
+    }
+
     /// Brings settings and the scene into force as far as that needs no compiling, and has the rest compiled.
     fn settle(&mut self) {
-        if self.engine.is_some() && self.grow() {
-            return self.apply_what_is_free();
+        if self.engine.is_some() {
+            // Both at once.
+            let lacks = [self.grow(), self.strew()];
+            if lacks.contains(&true) {
+                return self.apply_what_is_free();
+            }
         }
         let facts = self.coming().map(|stage| stage.loaded.gpu.facts).unwrap_or_default();
         let facts = self.grown.as_ref().map_or(facts, |(trees, _)| trees.facts(facts));
         let Some(engine) = &mut self.engine else { return };
-        let is_settled = self.incoming.is_none() && self.grown.is_none();
+        let is_settled = self.incoming.is_none() && self.grown.is_none() && self.strewn.is_none();
         if is_settled && *engine.renderer.settings() == self.wanted {
             return;
         }
@@ -598,6 +645,11 @@ impl Viewer {
                 && let Err(error) = stage.loaded.give_trees(&scene, *trees)
             {
                 self.notices.fail(error.to_string());
+            }
+            if let Some((points, _)) = self.strewn.take()
+                && let Some(stage) = self.coming()
+            {
+                stage.loaded.give_points(*points);
             }
             if let Some(stage) = self.incoming.take() {
                 self.show(*stage);
@@ -665,6 +717,8 @@ impl Viewer {
     fn apply_what_is_free(&mut self) {
         let Some(engine) = &mut self.engine else { return };
         let mut free = engine.renderer.settings().clone();
+        let points = free.points();
+        let had = (free.seed, free.indirect.points);
         free.pipeline = self.wanted.pipeline;
         free.seed = self.wanted.seed;
         for field in Settings::fields().iter().filter(|f| f.effect != chiaro::Effect::Permutation) {
@@ -672,6 +726,10 @@ impl Viewer {
                 // It was in range where it comes from.
                 let _ = free.set(&field.key, &value);
             }
+        }
+        if free.points() != points {
+            // What is shown goes on with the points that it has.
+            (free.seed, free.indirect.points) = had;
         }
         if free == *engine.renderer.settings() {
             return;
@@ -765,7 +823,16 @@ impl Viewer {
         }
         let mut frame = self.recorder.begin();
         if draws {
-            self.picture.record(&mut frame, engine, (stage, &view), shown);
+            match self.picture.record(&mut frame, engine, (stage, &view), shown) {
+                Ok(()) if self.drew == *engine.renderer.settings() => {}
+                Ok(()) => self.drew.clone_from(engine.renderer.settings()),
+                // Comes, or is compiled.
+                Err(Error::NoTrees | Error::NoPoints | Error::NoPasses) => {}
+                Err(error) => {
+                    self.panel.settings_error = Some(error.to_string());
+                    self.wanted.clone_from(&self.drew);
+                }
+            }
         }
         if refines {
             self.truth.record(&mut frame, stage);

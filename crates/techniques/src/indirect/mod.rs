@@ -5,6 +5,7 @@
 pub mod gather;
 pub mod ism;
 mod openness;
+pub mod pictures;
 pub mod points;
 pub mod rsm;
 mod settings;

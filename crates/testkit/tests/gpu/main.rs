@@ -24,6 +24,7 @@ mod motion;
 mod moving;
 mod pair;
 mod parts;
+mod pictures;
 mod pipelines;
 mod points;
 mod reference_parts;

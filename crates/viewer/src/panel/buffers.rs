@@ -28,11 +28,11 @@ impl Viewer {
                 });
             });
             let Some(drawn) = self.picture.drawn() else { return };
-            if drawn.exists {
-                ui.weak(&drawn.about);
-            } else {
-                ui.weak("This scene, or the pipeline in use, has none.");
-            }
+            match shown.source.only().filter(|_| !drawn.exists) {
+                _ if drawn.exists => ui.weak(&drawn.about),
+                Some(only) => ui.weak(format!("There is one with {only}.")),
+                None => ui.weak("This scene, or the pipeline in use, has none."),
+            };
             if let Some(why) = black {
                 ui.add(egui::Label::new(egui::RichText::new(why).color(super::style::ERROR)).wrap());
             }

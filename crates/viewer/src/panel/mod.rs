@@ -111,7 +111,7 @@ impl Viewer {
             shown.place = shown.place.next();
         }
         for (number, key) in DIGITS.into_iter().enumerate() {
-            if let Some(source) = offer.number(number).filter(|_| input.key_pressed(key)) {
+            if let Some(source) = offer.by_key(number).filter(|_| input.key_pressed(key)) {
                 shown.choose(source);
             }
         }

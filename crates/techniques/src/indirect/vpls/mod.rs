@@ -81,6 +81,18 @@ pub struct VplRoom {
     sizes: [u32; 3],
 }
 
+impl VplRoom {
+    /// f32: the flux of all tiles of the maps up to each, lumens; the last is that of all.
+    pub fn sums(&self) -> &Buffer {
+        &self.sums
+    }
+
+    /// As many lights as there may be.
+    pub fn most(&self) -> u32 {
+        self.sizes[1]
+    }
+}
+
 /// The passes.
 #[derive(Debug)]
 pub struct Vpls {
