@@ -162,16 +162,20 @@ mod tests {
             size: [48, 36],
         };
         let mut settings = base(Settings::default()).unwrap();
-        for (key, value) in
-            [("shadow.resolution", "64"), ("indirect.points", "4096"), ("indirect.points_per_vpl", "64")]
-        {
+        for (key, value) in [
+            ("shadow.resolution", "64"),
+            ("indirect.vpls", "16"),
+            ("indirect.points", "1024"),
+            ("indirect.points_per_vpl", "64"),
+            ("indirect.ism_resolution", "32"),
+        ] {
             settings.set(key, value).unwrap();
         }
         let mut session = Session::open(&choice, settings.clone(), &mut |_| ()).unwrap();
         let extent = Extent {
-            thesis_vpls: vec![32],
-            thesis_points: [256, 128],
-            vpls: vec![16, 32],
+            thesis_vpls: vec![16],
+            thesis_points: [64, 32],
+            vpls: vec![8, 16],
             points: vec![64],
             tiles: vec![32],
             sizes: vec![0.5],
@@ -196,7 +200,7 @@ mod tests {
             assert_eq!(filters, filtered, "{}", cost.name);
         }
         assert!(
-            text.contains("| 32 |") && text.contains("table 6.3") && text.contains("![edges](edges.png)")
+            text.contains("| 16 |") && text.contains("table 6.3") && text.contains("![edges](edges.png)")
         );
     }
 }
