@@ -70,12 +70,18 @@ H shows the keys. Scene files can be dropped onto the window.")]
 Examples:
   chiaro bench builtin:nave --frames 200
   chiaro bench --suite shadows --frames 1000 -o shadows/ --json shadows.json
+  chiaro bench --suite indirect --frames 300 -o indirect/ --json indirect.json
   chiaro bench room.glb --suite reference --size 1920x1080
   chiaro bench builtin:flight --camera-path -o flight.svg --json flight.json
 
 The suite reference tells rays, paths and light paths a second. The suite shadows renders
 builtin:terrain unless a scene is named, writes a picture of every combination and table.md to the
 folder of -o, and measures with 2048x2048 maps rendered every frame.
+
+The suite indirect measures virtual point lights with imperfect shadow maps in builtin:flight, whose
+camera and spot move, unless a scene is named: frames a second with and without interleaving, shares
+of a frame's steps, filters with picture, time and error, and how time grows with VPLs, points, map and
+picture size. It writes table.md, scaling.svg and the filters' pictures to the folder of -o.
 
 --camera-path follows a camera that moves through the whole animation once, 60 frames a second, and
 tells the median, the 99th percentile and the maximum of each pass and of the whole frame; -o draws
@@ -247,6 +253,8 @@ pub struct BenchArgs {
 pub enum Suite {
     /// Shadow map layouts, representations and filters
     Shadows,
+    /// Imperfect shadow maps: tables and figure of a thesis, curves over VPLs, points, map and picture sizes
+    Indirect,
     /// The tracers of the reference
     Reference,
 }

@@ -35,6 +35,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<()> {
         None if args.camera_path => return camera_path::run(args),
         None => {}
         Some(Suite::Shadows) => return suite::shadows(args),
+        Some(Suite::Indirect) => return suite::indirect(args),
         Some(Suite::Reference) => return suite::reference(args),
     }
     if let Some(path) = &args.output {

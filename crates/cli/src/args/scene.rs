@@ -30,7 +30,7 @@ pub struct SceneArgs {
 /// From where, how large, and in which surroundings.
 #[derive(Clone, Debug, Args)]
 pub struct LookArgs {
-    /// The image's width and height in pixels [default: 1280x720; `bench --suite shadows`: 800x600]
+    /// The image's width and height in pixels [default: 1280x720; `bench --suite shadows|indirect`: 800x600]
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
     /// A camera of the scene, by its number from 0 or by its name [default: the first]; its near plane counts, and the far

@@ -1,5 +1,6 @@
 //! Groups of techniques side by side.
 
+pub mod indirect;
 pub mod reference;
 pub mod shadows;
 
