@@ -1,6 +1,6 @@
 //! Indirect light by virtual lights, as a frame makes it: their places, their shadows, and what they give the picture.
 
-use chiaro_gpu::{Frame, Gpu, Texture, TexturePool};
+use chiaro_gpu::{Frame, Gpu, Group, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
 use chiaro_techniques::indirect::gather::{GatherInputs, GatherRoom};
 use chiaro_techniques::indirect::ism::{IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
@@ -14,7 +14,6 @@ use chiaro_techniques::view::culling::DrawLists;
 use chiaro_techniques::view::{SurfaceBuffer, ViewData, ViewTable};
 
 use crate::passes::Passes;
-use crate::pipelines::FrameInputs;
 use crate::{Error, LoadedScene, Settings};
 
 /// What virtual lights and their shadows lie in, for one view.
@@ -51,9 +50,17 @@ pub(crate) struct IndirectPlan {
     share: f32,
 }
 
+/// Group 0 and the scene, and the plan of the frame.
+#[derive(Clone, Copy)]
+pub(crate) struct GatherAt<'a> {
+    pub group: &'a Group,
+    pub scene: &'a LoadedScene,
+    pub plan: &'a IndirectPlan,
+}
+
 /// What virtual lights are made from.
 pub(crate) struct VplInputs<'a> {
-    pub inputs: &'a FrameInputs<'a>,
+    pub at: GatherAt<'a>,
     pub shadows: &'a ShadowOutputs,
     pub surface: &'a SurfaceBuffer,
     // Where reflective shadow maps stand in the table of views, and what was culled with its first batch.
@@ -131,13 +138,11 @@ impl IndirectRooms {
         &mut self,
         frame: &mut Frame<'_>,
         (settings, passes): (&Settings, &Passes),
-        plan: &IndirectPlan,
         light: &VplInputs<'_>,
     ) -> Texture {
         let indirect = &settings.indirect;
-        let VplInputs { inputs, shadows, surface, views: (table, lists, first) } = *light;
-        let scene = inputs.scene;
-        let group = inputs.group.group();
+        let VplInputs { at, shadows, surface, views: (table, lists, first) } = *light;
+        let GatherAt { group, scene, plan } = at;
         let (Some(rsm), Some(vpls)) = (passes.rsm.as_ref(), passes.vpls.as_ref()) else {
             unreachable!("what is planned is compiled")
         };
@@ -183,18 +188,18 @@ impl IndirectRooms {
             };
             pictures.record(frame, &shown, room);
         }
-        self.gather(frame, (settings, passes), inputs, (&surface.depth, &surface.surface, &self.gather))
+        self.gather(frame, (settings, passes), at, (&surface.depth, &surface.surface, &self.gather))
     }
 
     /// Gathers for a layer of see-through surfaces, where there is room for any.
     pub fn layer_gatherer<'a>(
         &'a self,
         (settings, passes): (&'a Settings, &'a Passes),
-        inputs: &'a FrameInputs<'a>,
+        at: Option<GatherAt<'a>>,
     ) -> Option<impl Fn(&mut Frame<'_>, &Texture, &Texture) -> Texture + 'a> {
-        let gathers = inputs.indirect.is_some() && self.layer.is_some();
-        gathers.then_some(move |frame: &mut Frame<'_>, depth: &Texture, surface: &Texture| {
-            self.gather(frame, (settings, passes), inputs, (depth, surface, &self.layer))
+        let at = at.filter(|_| self.layer.is_some())?;
+        Some(move |frame: &mut Frame<'_>, depth: &Texture, surface: &Texture| {
+            self.gather(frame, (settings, passes), at, (depth, surface, &self.layer))
         })
     }
 
@@ -202,7 +207,7 @@ impl IndirectRooms {
         &self,
         frame: &mut Frame<'_>,
         (settings, passes): (&Settings, &Passes),
-        inputs: &FrameInputs<'_>,
+        at: GatherAt<'_>,
         (depth, surface, room): (&Texture, &Texture, &Option<GatherRoom>),
     ) -> Texture {
         let (Some(gather), Some(room), Some(vpls)) = (passes.gather.as_ref(), room, &self.vpls) else {
@@ -210,18 +215,17 @@ impl IndirectRooms {
         };
         let atlases: &[IsmAtlas] = self.ism.as_ref().map_or(&[], IsmRoom::atlases);
         let gathered = GatherInputs {
-            group: inputs.group.group(),
-            scene: Some(&inputs.scene.gpu),
+            group: at.group,
+            scene: Some(&at.scene.gpu),
             depth,
             surface,
             vpls: &vpls.vpls,
             vpl_count: &vpls.count,
             atlases,
-            tracer: inputs.scene.trees.as_ref().map(|trees| &trees.traced.words),
+            tracer: at.scene.trees.as_ref().map(|trees| &trees.traced.words),
         };
         // Frames that are averaged have other virtual lights each: together as many as if each stood for less.
-        let share = inputs.indirect.map_or(1.0, |plan| plan.share);
-        let clamp = settings.indirect.clamp * share;
+        let clamp = settings.indirect.clamp * at.plan.share;
         gather.record(frame, &IndirectSettings { clamp, ..settings.indirect.clone() }, &gathered, room)
     }
 }

@@ -11,7 +11,7 @@ use chiaro_techniques::transparency::{GatherLayer, LayerRoom};
 use chiaro_techniques::view::culling::{DrawLists, ListRoom};
 use chiaro_techniques::view::{MotionOutputs, MotionRoom, SurfaceBuffer, SurfaceRoom, ViewTable};
 
-use crate::indirect::{IndirectPlan, IndirectRooms, VplInputs};
+use crate::indirect::{GatherAt, IndirectPlan, IndirectRooms, VplInputs};
 use crate::moving::Moves;
 use crate::passes::Passes;
 use crate::view_state::Rooms;
@@ -170,16 +170,13 @@ fn deferred(
     let shadows = passes.shadows.record(frame, inputs.group, &shadow_inputs, shadow);
     let surface = passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface);
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
-    let bounced = inputs.indirect.map(|plan| {
-        let light = VplInputs {
-            inputs,
-            shadows: &shadows,
-            surface: &surface,
-            views: (rooms.views, &lists, CAMERA + 1),
-        };
-        indirect.record(frame, (settings, passes), plan, &light)
+    let gather_at = gathers_at(inputs);
+    let bounced = gather_at.map(|at| {
+        let light =
+            VplInputs { at, shadows: &shadows, surface: &surface, views: (rooms.views, &lists, CAMERA + 1) };
+        indirect.record(frame, (settings, passes), &light)
     });
-    let gather_layer = indirect.layer_gatherer((settings, passes), inputs);
+    let gather_layer = indirect.layer_gatherer((settings, passes), gather_at);
     let gather_layer = gather_layer.as_ref().map(|gather| gather as GatherLayer<'_>);
     let irradiance = bounced.as_ref().unwrap_or(&rooms.light.no_irradiance);
     let light = LightInputs { shadows: &shadows, light_grid: &light_grid, irradiance };
@@ -219,12 +216,13 @@ fn forward(
     let surface =
         wants_surface.then(|| passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface));
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
-    let bounced = inputs.indirect.zip(surface.as_ref()).map(|(plan, surface)| {
-        let light =
-            VplInputs { inputs, shadows: &shadows, surface, views: (rooms.views, &lists, CAMERA + 1) };
-        indirect.record(frame, (settings, passes), plan, &light)
+    let gather_at = gathers_at(inputs);
+    let bounced = gather_at.zip(surface.as_ref()).map(|(at, surface)| {
+        let views = (rooms.views, &lists, CAMERA + 1);
+        let light = VplInputs { at, shadows: &shadows, surface, views };
+        indirect.record(frame, (settings, passes), &light)
     });
-    let gather_layer = indirect.layer_gatherer((settings, passes), inputs);
+    let gather_layer = indirect.layer_gatherer((settings, passes), gather_at);
     let gather_layer = gather_layer.as_ref().map(|gather| gather as GatherLayer<'_>);
     let irradiance = bounced.as_ref().unwrap_or(&rooms.light.no_irradiance);
     let light = LightInputs { shadows: &shadows, light_grid: &light_grid, irradiance };
@@ -238,6 +236,12 @@ fn forward(
         }
     });
     (lists, FrameOutputs { radiance, unlit, parts, shadows, light_grid, motion: None, surface })
+}
+
+/// Where virtual lights are gathered, if any are made.
+fn gathers_at<'a>(inputs: &FrameInputs<'a>) -> Option<GatherAt<'a>> {
+    let (group, scene) = (inputs.group.group(), inputs.scene);
+    inputs.indirect.map(|plan| GatherAt { group, scene, plan })
 }
 
 /// Lets geometry, and the trees over it, follow the scene's pose.

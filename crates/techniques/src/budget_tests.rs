@@ -17,6 +17,7 @@ const EXCEPTIONS: &[(&str, &str)] = &[
     ("traced", "shading with lights by froxel, the scene and its trees"),
     ("reference/path/trace.cs.wesl", "the scene, the tree and the photon map"),
     ("reference/photon/trace.cs.wesl", "as the path tracer, and lights to start from"),
+    ("transparency/shade.cs.wesl", "a layer, what is behind it, and all light with its shadows"),
     ("view/raster/tiles.cs.wesl", "the scene, the lists, tiles and depths; it shades nothing"),
     ("view/raster/triangles.cs.wesl", "as the tiles"),
 ];
