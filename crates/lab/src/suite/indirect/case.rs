@@ -14,15 +14,19 @@ const STEPS: [(&str, &[&str]); 10] = [
     ("imperfect maps", &["indirect/points", "indirect/ism_splat"]),
     ("pull-push", &["indirect/ism_pull", "indirect/ism_push"]),
     ("gather", &["indirect/gather"]),
-    ("filter", &["indirect/discontinuities", "indirect/filter_"]),
+    ("filter", &["indirect/discontinuities", "indirect/filter"]),
     ("camera", &["view/", "surface/", "motion/"]),
     ("shadows", &["shadow/"]),
     ("shading", &["direct/", "transparency/"]),
     ("the rest", &[""]),
 ];
 
-/// What all passes of indirect light are called.
-const INDIRECT: &str = "indirect/";
+/// Steps of indirect light: the first so many.
+const INDIRECT: usize = 6;
+/// What ends the drawing of a surface buffer.
+const RESOLVE: &str = "surface/resolve";
+/// What follows when it was a reflective map's.
+const REFLECTIVE: &str = "indirect/rsm";
 
 /// Settings with a name that says what they are; all of it is set, so that no base changes what a case is.
 #[derive(Clone, Debug)]
@@ -95,7 +99,7 @@ pub struct Cost {
     pub size: [u32; 2],
     /// Median, from the first pass to the last; on the clock where the adapter has no timestamps.
     pub frame_ms: f64,
-    /// Median of all passes of indirect light.
+    /// Median of all passes of indirect light, those that draw reflective maps among them.
     pub indirect_ms: f64,
     /// Steps that there are.
     pub steps: Vec<Step>,
@@ -125,7 +129,7 @@ impl Cost {
             settings: case.changes.iter().map(|(key, value)| format!("{key}={value}")).collect(),
             size,
             frame_ms: timings.as_ref().map_or(measured.wall_ms_per_frame, |t| t.frame_span.median_ms),
-            indirect_ms: median(&measured.timings, |name| name.starts_with(INDIRECT)),
+            indirect_ms: median(&measured.timings, |step| step < INDIRECT),
             steps: steps(&measured.timings),
             nmae: None,
             timings,
@@ -143,32 +147,47 @@ impl Cost {
     }
 }
 
-fn step_of(pass: &str) -> &'static str {
-    let is = |(_, begins): &&(&str, &[&str])| begins.iter().any(|begin| pass.starts_with(begin));
-    STEPS.iter().find(is).map_or("", |(name, _)| name)
+/// The number of each pass' step. A reflective map is drawn by passes that are called as the camera's are: those before
+/// [`REFLECTIVE`], back to where another surface buffer was complete.
+fn steps_of(frame: &FrameTimings) -> Vec<usize> {
+    let passes = &frame.passes;
+    let fits =
+        |pass: &str| STEPS.iter().position(|(_, begins)| begins.iter().any(|begin| pass.starts_with(begin)));
+    let mut steps: Vec<_> = passes.iter().map(|pass| fits(&pass.name).unwrap_or(STEPS.len() - 1)).collect();
+    for (end, _) in passes.iter().enumerate().filter(|(_, pass)| pass.name == REFLECTIVE) {
+        for index in (0..end).rev() {
+            let name = &passes[index].name;
+            let draws = name.starts_with("surface/") || name.starts_with("view/");
+            if !draws || (name == RESOLVE && index + 1 != end) {
+                break;
+            }
+            steps[index] = steps[end];
+        }
+    }
+    steps
 }
 
 /// Steps that take any time.
 fn steps(frames: &[FrameTimings]) -> Vec<Step> {
-    let sum_of = |wanted: &dyn Fn(&str) -> bool| -> f64 {
-        let passes = frames.iter().flat_map(|frame| &frame.passes);
-        passes.filter(|pass| wanted(&pass.name)).map(|pass| pass.ms).sum()
-    };
+    let sum_of = |wanted: &dyn Fn(usize) -> bool| frames.iter().map(|frame| sum(frame, wanted)).sum::<f64>();
     let all = sum_of(&|_| true).max(f64::MIN_POSITIVE);
-    let step = |name: &'static str| Step {
+    let step = |(number, (name, _)): (usize, &(&'static str, _))| Step {
         name,
-        ms: median(frames, |pass| step_of(pass) == name),
-        share: sum_of(&|pass| step_of(pass) == name) / all,
+        ms: median(frames, |step| step == number),
+        share: sum_of(&|step| step == number) / all,
     };
-    STEPS.iter().map(|(name, _)| step(name)).filter(|step| step.share > 0.0).collect()
+    STEPS.iter().enumerate().map(step).filter(|step| step.share > 0.0).collect()
 }
 
-/// Median over frames of the sum of passes, milliseconds; 0 without frames.
-fn median(frames: &[FrameTimings], wanted: impl Fn(&str) -> bool) -> f64 {
-    let sum = |frame: &FrameTimings| {
-        frame.passes.iter().filter(|pass| wanted(&pass.name)).map(|pass| pass.ms).sum()
-    };
-    let mut sums: Vec<f64> = frames.iter().map(sum).collect();
+/// Of the passes of a frame's steps, milliseconds. A plain sum of nothing would be −0.
+fn sum(frame: &FrameTimings, wanted: impl Fn(usize) -> bool) -> f64 {
+    let timed = frame.passes.iter().zip(steps_of(frame));
+    timed.filter(|(_, step)| wanted(*step)).fold(0.0, |sum, (pass, _)| sum + pass.ms)
+}
+
+/// Its median over frames; 0 without frames.
+fn median(frames: &[FrameTimings], wanted: impl Fn(usize) -> bool) -> f64 {
+    let mut sums: Vec<f64> = frames.iter().map(|frame| sum(frame, &wanted)).collect();
     sums.sort_by(f64::total_cmp);
     let middle = sums.len() / 2;
     match (sums.get(middle), sums.len() % 2) {
@@ -201,8 +220,33 @@ mod tests {
         // A map that is drawn in one frame of three counts in the shares, not in the median.
         assert_eq!((steps[0].ms, steps[0].share), (0.0, 6.0 / 16.0));
         assert_eq!((steps[1].ms, steps[1].share), (2.0, 7.0 / 16.0));
-        assert_eq!(median(&frames[..2], |name| name.starts_with(INDIRECT)), 4.5);
+        assert_eq!(median(&frames[..2], |step| step < INDIRECT), 4.5);
         assert_eq!(median(&[], |_| true), 0.0);
+        assert!(median(&frames, |step| step == STEPS.len()).is_sign_positive());
+    }
+
+    #[test]
+    fn what_draws_a_reflective_map_is_its_own_and_not_the_cameras() {
+        let names = [
+            "view/cull_count",
+            "surface/visibility",
+            RESOLVE,
+            "surface/visibility",
+            RESOLVE,
+            REFLECTIVE,
+            "view/cull_count",
+            "surface/raster_tiles",
+            RESOLVE,
+            REFLECTIVE,
+            "direct/shade",
+        ];
+        let passes = names.map(|name| PassTiming { name: name.into(), ms: 1.0 }).into();
+        let steps = steps_of(&FrameTimings { passes, span_ms: 11.0 });
+        let camera = STEPS.iter().position(|(name, _)| *name == "camera").unwrap();
+        assert_eq!(steps[..3], [camera; 3]);
+        assert_eq!(steps[3..10], [0; 7]);
+        assert_ne!(steps[10], 0);
+        assert!(camera >= INDIRECT && STEPS[INDIRECT - 1].0 == "filter");
     }
 
     #[test]

@@ -95,7 +95,7 @@ pub fn run(
         bar.inc(1);
     }
     text += &widths::table(&costs[begin..]);
-    text += "\n## Scaling\n\nMedian milliseconds of the passes `indirect/*`, with one thing varied over the settings asked for. \
+    text += "\n## Scaling\n\nMedian milliseconds of the passes `indirect/*` and those that draw reflective maps, with one thing varied over the settings asked for. \
              Where nothing moves, reflective maps are kept. The same as curves: ![curves](scaling.svg)\n";
     let adapter = Machine::of(&session.gpu).adapter;
     let mut panels = Vec::new();
