@@ -48,9 +48,11 @@ pub fn ambient(
     environment: Option<(Vec3, f32)>,
 ) -> [Vec4; 3] {
     let mut radiance = [Vec4::ZERO; 3];
-    if settings.technique == Technique::None || settings.technique.makes_vpls() {
+    if settings.technique == Technique::None {
         return radiance;
     }
+    // What lamps give the first surface, and what that scatters, virtual lights bring.
+    let lights = if settings.technique.makes_vpls() { &[] } else { lights };
     let size = bounds_ws.1 - bounds_ws.0;
     // Even a point or a line has a surface here.
     let size = if size == Vec3::ZERO { Vec3::ONE } else { size.max(Vec3::splat(1e-3 * size.max_element())) };

@@ -13,7 +13,7 @@ use crate::{LoadedScene, Renderer, StillOptions, View};
 const SIDE: &str = "128";
 
 /// Together they make every condition false once, and true.
-const COMBINATIONS: [&[(&str, &str)]; 16] = [
+const COMBINATIONS: [&[(&str, &str)]; 18] = [
     &[],
     &[("pipeline", "forward"), ("surface.msaa", "1"), ("shadow.transmission_tint", "true")],
     &[("shadow.layout", "none")],
@@ -30,6 +30,22 @@ const COMBINATIONS: [&[(&str, &str)]; 16] = [
     &[("shadow.representation", "evsm2"), ("shadow.filter", "mip")],
     &[("shadow.representation", "evsm4"), ("shadow.filter", "none"), ("shadow.cascades", "1")],
     &[("shadow.representation", "moments"), ("shadow.filter", "gaussian")],
+    &[
+        ("indirect.technique", "ism"),
+        ("indirect.vpls", "16"),
+        ("indirect.rsm_resolution", "64"),
+        ("indirect.points", "1024"),
+        ("indirect.points_per_vpl", "64"),
+        ("indirect.ism_resolution", "32"),
+        ("indirect.filter", "discontinuity"),
+    ],
+    &[
+        ("indirect.technique", "rsm"),
+        ("indirect.vpls", "16"),
+        ("indirect.rsm_resolution", "64"),
+        ("indirect.sampling", "importance"),
+        ("indirect.interleave", "1"),
+    ],
 ];
 
 /// A sun, a point and a spot light.
