@@ -2,12 +2,12 @@
 
 use chiaro_gpu::{Frame, Gpu, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
-use chiaro_techniques::indirect::{IndirectSettings, VplSampling};
 use chiaro_techniques::indirect::gather::{GatherInputs, GatherRoom};
 use chiaro_techniques::indirect::ism::{IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
 use chiaro_techniques::indirect::points::PointRoom;
 use chiaro_techniques::indirect::rsm::{self, RsmInputs, RsmPlan, RsmRoom};
 use chiaro_techniques::indirect::vpls::{VplRoom, candidates};
+use chiaro_techniques::indirect::{IndirectSettings, VplSampling};
 use chiaro_techniques::shadow::ShadowOutputs;
 use chiaro_techniques::view::culling::DrawLists;
 use chiaro_techniques::view::{SurfaceBuffer, ViewData, ViewTable};

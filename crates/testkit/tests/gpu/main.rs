@@ -47,3 +47,4 @@ mod transparency;
 mod truth;
 mod unlit;
 mod views;
+mod vpls;
