@@ -36,7 +36,7 @@ fn radical_inverse(mut i: u32, base: u32) -> f64 {
 
 #[test]
 fn halton_is_two_radical_inverses() {
-    let answers = answers(&[[0; 2]; 8192]);
+    let answers = answers(&vec![[0; 2]; 8192]);
     for (i, answer) in (0..).zip(&answers) {
         for (found, base) in answer.halton.into_iter().zip([2, 3]) {
             let expected = radical_inverse(i, base);

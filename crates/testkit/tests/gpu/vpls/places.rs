@@ -163,3 +163,23 @@ fn candidates_carry_the_flux_of_the_maps() {
         }
     }
 }
+
+#[test]
+fn over_many_seeds_the_kept_flux_is_that_of_the_maps() {
+    const MANY: u32 = 64;
+    let gpu = device();
+    let mut studio = Studio::new(&gpu, settings(&[]));
+    let scene = studio.load(&hall(&[LightKind::Directional, SPOT, LightKind::Point]).scene);
+    let shares: Vec<_> = (0..MANY)
+        .map(|seed| {
+            let few = [("indirect.vpls", "32"), ("indirect.rsm_resolution", "64")];
+            studio.set(Settings { seed, ..settings(&few) });
+            let placed = Placed::new(&mut studio, &scene);
+            placed.vpls.iter().map(luminance).sum::<f64>() / placed.total()
+        })
+        .collect();
+    let mean = shares.iter().sum::<f64>() / f64::from(MANY);
+    let variance = shares.iter().map(|share| (share - mean).powi(2)).sum::<f64>() / f64::from(MANY - 1);
+    let error = (variance / f64::from(MANY)).sqrt();
+    assert!(error > 0.0 && (mean - 1.0).abs() < 4.0 * error + 1e-3 && error < 0.05, "{mean} ± {error}");
+}
