@@ -48,3 +48,4 @@ mod transparency;
 mod truth;
 mod unlit;
 mod views;
+mod vpls;

@@ -58,6 +58,8 @@ static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 struct Drawn {
     view: RsmView,
     pose: u64,
+    // Among those that were recorded.
+    frame: u64,
 }
 
 /// The maps of all lights.
@@ -75,6 +77,8 @@ pub struct RsmRoom {
     lists: Option<ListRoom>,
     words: u64,
     capacity: usize,
+    // That were recorded.
+    frames: u64,
     // By passes and scene; by view.
     drawn: History<[u64; 2], Vec<Option<Drawn>>>,
 }
@@ -185,6 +189,7 @@ impl Rsm {
                 lists: None,
                 words,
                 capacity: count,
+                frames: 0,
                 drawn: History::default(),
             }
         });
@@ -213,9 +218,9 @@ impl Rsm {
             has.is_some_and(|has| has.view.shows_as(view) && !moves(scene, has.pose, &view.draw))
         };
         let mut due: Vec<usize> = (0..views.len()).filter(|&number| !rests(number, &views[number])).collect();
-        // What has waited longest comes first.
+        // What was drawn longest ago comes first.
         let since =
-            |number: &usize| drawn.and_then(|drawn| Some(drawn.get(*number)?.as_ref()?.pose)).unwrap_or(0);
+            |number: &usize| drawn.and_then(|drawn| Some(drawn.get(*number)?.as_ref()?.frame)).unwrap_or(0);
         due.sort_by_key(since);
         let first = drawn.is_none_or(|drawn| drawn.iter().any(Option::is_none));
         let waiting = if first { Vec::new() } else { due.split_off(most.min(due.len())) };
@@ -265,11 +270,12 @@ impl Rsm {
         }
         let key = [self.id, scene.id()];
         let pose = scene.motion.generation();
+        room.frames += 1;
         let mut drawn = room.drawn.get(&key).cloned().unwrap_or_default();
         drawn.resize(plan.views.len(), None);
         for (number, view) in plan.views.iter().enumerate() {
             if plan.drawn.contains(&number) {
-                drawn[number] = Some(Drawn { view: *view, pose });
+                drawn[number] = Some(Drawn { view: *view, pose, frame: room.frames });
             } else if let Some(rests) = drawn[number].as_mut().filter(|_| !plan.waiting.contains(&number)) {
                 rests.pose = pose;
             }

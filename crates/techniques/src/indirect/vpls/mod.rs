@@ -183,6 +183,8 @@ impl Vpls {
         frame.upload(&room.uniform, &[data]);
         if data.views == 0 {
             frame.clear(&room.count);
+            // Nobody reads them, but they are bound.
+            frame.clear(&room.vpls);
             return;
         }
         let sampling = ("sampling", (&room.uniform).into());

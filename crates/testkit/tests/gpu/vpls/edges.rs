@@ -1,0 +1,159 @@
+//! Scenes with little or nothing in them, very small and very large ones; both pipelines.
+
+use super::*;
+use chiaro::scene::{LightKind, Mesh, Node, Primitive, Scene, Transform};
+use chiaro::{Aov, Pipeline, View};
+use chiaro_image::Image;
+use chiaro_testkit::{Stage, device, nmae};
+use glam::{Affine3A, Vec3};
+
+const SIZE: [u32; 2] = [64, 48];
+const TECHNIQUES: [&str; 3] = ["rsm", "ism", "traced"];
+
+fn with(technique: &str, changes: &[(&str, &str)]) -> Settings {
+    let few = [
+        ("indirect.technique", technique),
+        ("indirect.vpls", "64"),
+        ("indirect.points", "4096"),
+        ("indirect.points_per_vpl", "256"),
+        ("indirect.ism_resolution", "32"),
+        ("indirect.rsm_resolution", "64"),
+    ];
+    settings(&[&few, changes].concat())
+}
+
+/// A corner that a lamp shines into.
+fn corner(light: Option<LightKind>) -> Stage {
+    let mut stage = Stage::floor(0.7);
+    let wall = stage.lambert(0.6);
+    stage.quad(Vec3::new(0.0, 2.0, -1.5), Vec3::X * 4.0, Vec3::Y * 2.0, wall);
+    stage.cuboid(Vec3::new(0.4, 0.4, 0.0), Vec3::splat(0.4), wall);
+    if let Some(kind) = light {
+        stage.light(kind, 10.0, None, Vec3::new(-0.5, 1.8, 0.6), Vec3::new(0.1, -1.0, -0.7));
+    }
+    stage
+}
+
+fn view(scale: f32) -> View {
+    View::look_at(scale * Vec3::new(1.5, 1.5, 3.0), scale * Vec3::new(0.0, 0.5, 0.0), 0.9, 0.05 * scale)
+}
+
+fn indirect(studio: &mut Studio, scene: &Scene, view: &View) -> Image {
+    let loaded = studio.load(scene);
+    let [indirect] = studio.aovs(&loaded, view, SIZE, 2, [Aov::Indirect]);
+    assert!(indirect.pixels().iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
+    indirect
+}
+
+fn mean(image: &Image) -> f32 {
+    image.pixels().iter().flatten().sum::<f32>() / (3 * image.pixels().len()) as f32
+}
+
+const SPOT: LightKind = LightKind::Spot { inner_rad: 0.4, outer_rad: 0.7 };
+
+#[test]
+fn without_light_there_is_none_and_nothing_breaks() {
+    let gpu = device();
+    let mut into_space = corner(None);
+    into_space.light(SPOT, 10.0, None, Vec3::Y * 5.0, Vec3::Y);
+    let mut point_alone = Stage::new();
+    let material = point_alone.lambert(0.5);
+    let flat = Primitive {
+        positions: vec![Vec3::ZERO; 3],
+        normals: vec![Vec3::Y; 3],
+        uvs: [vec![glam::Vec2::ZERO; 3], Vec::new()],
+        indices: vec![0, 1, 2],
+        material,
+        ..Primitive::default()
+    };
+    let mut line = point_alone.clone();
+    let stretched = Primitive { positions: vec![Vec3::ZERO, Vec3::X, Vec3::X * 2.0], ..flat.clone() };
+    point_alone.place(Mesh { primitives: vec![flat], ..Mesh::default() }, Affine3A::IDENTITY);
+    line.place(Mesh { primitives: vec![stretched], ..Mesh::default() }, Affine3A::IDENTITY);
+    for stage in [&mut point_alone, &mut line] {
+        stage.light(SPOT, 10.0, None, Vec3::Y, Vec3::NEG_Y);
+        stage.light(LightKind::Point, 10.0, None, Vec3::ZERO, Vec3::NEG_Y);
+        stage.sun(10.0, Vec3::NEG_Y);
+    }
+    let cases = [
+        ("no light", corner(None)),
+        ("a light that meets nothing", into_space),
+        ("a point", point_alone),
+        ("a line", line),
+    ];
+    for technique in TECHNIQUES {
+        let mut studio = Studio::new(&gpu, with(technique, &[]));
+        for (name, stage) in &cases {
+            let found = mean(&indirect(&mut studio, &stage.scene, &view(1.0)));
+            assert_eq!(found, 0.0, "{technique}, {name}");
+        }
+    }
+}
+
+#[test]
+fn one_virtual_light_and_odd_maps_give_light() {
+    let gpu = device();
+    for technique in TECHNIQUES {
+        let mut studio = Studio::new(&gpu, with(technique, &[]));
+        let right = mean(&indirect(&mut studio, &corner(Some(SPOT)).scene, &view(1.0)));
+        assert!(right > 0.0);
+        for (vpls, resolution) in [("1", "64"), ("2", "100"), ("64", "100"), ("64", "2048")] {
+            // A large map is one of a scene that is seen once.
+            if resolution == "2048" && technique != "rsm" {
+                continue;
+            }
+            studio.set(with(technique, &[("indirect.vpls", vpls), ("indirect.rsm_resolution", resolution)]));
+            let found = mean(&indirect(&mut studio, &corner(Some(SPOT)).scene, &view(1.0)));
+            assert!(found > 0.0, "{technique}, {vpls} lights, {resolution}²");
+            assert!(
+                vpls != "64" || (found / right - 1.0).abs() < 0.15,
+                "{technique}, {resolution}²: {found}, {right}"
+            );
+        }
+    }
+}
+
+/// Everything under a node that scales it, and lights so that illuminance stays.
+fn scaled(stage: Stage, scale: f32) -> Scene {
+    let mut scene = stage.scene;
+    for node in &mut scene.nodes {
+        node.parent = Some(node.parent.map_or(0, |parent| parent + 1));
+    }
+    let parent_from_node = Transform::Matrix(Affine3A::from_scale(Vec3::splat(scale)));
+    scene.nodes.insert(0, Node { parent_from_node, ..Node::default() });
+    for light in scene.lights.iter_mut().filter(|light| light.kind != LightKind::Directional) {
+        light.intensity *= scale * scale;
+    }
+    scene
+}
+
+#[test]
+fn scenes_of_a_millimetre_and_of_ten_thousand_kilometres_get_the_same_light() {
+    let gpu = device();
+    for technique in TECHNIQUES {
+        let mut studio = Studio::new(&gpu, with(technique, &[]));
+        for light in [SPOT, LightKind::Directional, LightKind::Point] {
+            let right = indirect(&mut studio, &corner(Some(light)).scene, &view(1.0));
+            assert!(mean(&right) > 0.0);
+            for scale in [1e-3, 1e7] {
+                let found = indirect(&mut studio, &scaled(corner(Some(light)), scale), &view(scale));
+                let off = nmae(&found, &right);
+                let share = mean(&found) / mean(&right);
+                assert!((share - 1.0).abs() < 0.02, "{technique}, {light:?}, ×{scale}: {share} of the light");
+                // The sun's shadows end a little elsewhere, which moves the places of what comes after by as much.
+                let most = if light == LightKind::Directional { 0.2 } else { 0.03 };
+                assert!(off < most, "{technique}, {light:?}, ×{scale}: {off}");
+            }
+        }
+    }
+}
+
+#[test]
+fn both_pipelines_get_the_same_light() {
+    let gpu = device();
+    let [forward, deferred] = [Pipeline::Forward, Pipeline::Deferred].map(|pipeline| {
+        let mut studio = Studio::new(&gpu, Settings { pipeline, ..with("rsm", &[]) });
+        mean(&indirect(&mut studio, &corner(Some(SPOT)).scene, &view(1.0)))
+    });
+    assert!(forward > 0.0 && (forward / deferred - 1.0).abs() < 0.01, "{forward} {deferred}");
+}

@@ -1,0 +1,185 @@
+//! Where candidates are placed.
+
+use super::*;
+use crate::chi_square::assert_drawn_as_expected;
+use crate::culling::Random;
+use chiaro::scene::LightKind;
+use chiaro_gpu::wgpu::BufferUsages;
+use chiaro_gpu::{Buffer, BufferReadback, ComputePipeline, Dispatch, Life, Recorder};
+use chiaro_techniques::frame::LightData;
+use chiaro_techniques::indirect::rsm::fit;
+use chiaro_techniques::shaders;
+use chiaro_testkit::{Bench, Stage, device, device_guaranteed};
+use glam::Vec3;
+
+/// How often each texel of some weights is chosen, of 65,536 candidates, over some turns of the sequence.
+fn counted(views: &[RsmViewData], weights: &[f32], turns: &[f32]) -> Vec<u32> {
+    let gpu = device_guaranteed();
+    let bench = Bench::new(&gpu);
+    let tiles = views[0].tiles;
+    let mut words: Vec<u32> =
+        weights.chunks(TILE_TEXELS).map(|tile| tile.iter().sum::<f32>().to_bits()).collect();
+    assert_eq!(words.len(), tiles as usize);
+    // What goes through as it is, the normal's word, is the texel's number.
+    words
+        .extend((0..).zip(weights).flat_map(|(i, weight)| [0.5f32.to_bits(), i, u32::MAX, weight.to_bits()]));
+    let rsm = bench.buffer("rsm", &words);
+    let of_views = bench.buffer("rsm_views", views);
+    let count = 65_536u32;
+    let make = |name, bytes| Buffer::new(&gpu, name, Life::Kept, bytes, BufferUsages::STORAGE);
+    let sums = make("rsm_sums", 4 * u64::from(tiles));
+    let candidates = make("candidates", u64::from(count) * size_of::<Vpl>() as u64);
+    let frame_layout = &bench.kit.frame_layout;
+    let pipeline = |entry, layouts: &[_]| {
+        ComputePipeline::new(&gpu, &bench.kit.library, &shaders::plain(entry), layouts, &[]).unwrap()
+    };
+    let scan = pipeline("indirect/vpls/scan.cs.wesl", &[]);
+    let place = pipeline("indirect/vpls/place.cs.wesl", &[frame_layout]);
+    let mut found = vec![0; weights.len()];
+    let mut recorder = Recorder::new(&gpu, false);
+    for &turn in turns {
+        let data = Sampling {
+            tiles,
+            views: views.len() as u32,
+            candidates: count,
+            turn: [turn, 0.0],
+            stride: 1,
+            ..Sampling::default()
+        };
+        let uniform = bench.buffer("sampling", &[data]);
+        let sampling = ("sampling", (&uniform).into());
+        let mut frame = recorder.begin();
+        let lit = LightData { intensity: [1.0; 3], direction_ws: [0.0, -1.0, 0.0], ..Zeroable::zeroed() };
+        bench.frame.upload(&mut frame, &Zeroable::zeroed(), &[lit], &[]);
+        let binds = [sampling, ("rsm", (&rsm).into()), ("rsm_sums", (&sums).into())];
+        frame.compute("test/scan", &scan, &[], &binds, Dispatch::Groups([1, 1, 1]));
+        let binds = [
+            sampling,
+            ("rsm", (&rsm).into()),
+            ("rsm_sums", (&sums).into()),
+            ("rsm_views", (&of_views).into()),
+            ("candidates", (&candidates).into()),
+        ];
+        let work = Dispatch::Threads([count, 1, 1]);
+        frame.compute("test/place", &place, &[bench.frame.group()], &binds, work);
+        frame.submit();
+        let bytes = BufferReadback::start(&gpu, &candidates).wait(&gpu).unwrap();
+        let all: Vec<Vpl> = bytemuck::pod_collect_to_vec(&bytes);
+        assert!(all.iter().all(|vpl| vpl.flux[0] > 0.0), "some found nothing");
+        for vpl in all {
+            found[vpl.normal as usize] += 1;
+        }
+    }
+    found
+}
+
+#[test]
+fn texels_are_chosen_as_often_as_their_weights_say() {
+    // Three suns, of which one has no power of two texels a side.
+    let suns = [LightData { direction_ws: [0.0, -1.0, 0.0], intensity: [1.0; 3], ..Zeroable::zeroed() }; 3];
+    let bounds = (Vec3::NEG_ONE, Vec3::ONE);
+    let views: Vec<_> =
+        fit(&suns, bounds, 72, 0).into_iter().map(|view| RsmViewData { light: 0, ..view.data }).collect();
+    let texels = views[0].tiles as usize * TILE_TEXELS;
+    let mut random = Random::new(9);
+    let weights: Vec<_> = (0..texels)
+        .map(|i| {
+            let whole_tile = i / TILE_TEXELS % 5 != 1;
+            let lit = whole_tile && random.within(0.0, 1.0) < 0.3;
+            if lit { random.within(0.0, 1.0).powi(8) * 40.0 } else { 0.0 }
+        })
+        .collect();
+    let total: f64 = weights.iter().map(|weight| f64::from(*weight)).sum();
+    let turns = [0.0, 0.1234, 0.777_77];
+    let found = counted(&views, &weights, &turns);
+    let expected = |weight: f32| turns.len() as f64 * 65_536.0 * f64::from(weight) / total;
+    for (i, (&found, &weight)) in found.iter().zip(&weights).enumerate() {
+        assert!(weight > 0.0 || found == 0, "{i} has no light");
+        // Each of 65,536 cells of the sequence has one: a run of it all whole ones and two parts at most; sums round.
+        let off = (f64::from(found) - expected(weight)).abs();
+        assert!(off <= 2.5 * turns.len() as f64, "{i}: {found}, not {}", expected(weight));
+    }
+    let cells = found.iter().zip(&weights).map(|(&found, &weight)| (f64::from(found), expected(weight)));
+    assert_drawn_as_expected(cells, &"texels by flux");
+}
+
+#[test]
+fn a_single_lit_texel_is_always_found() {
+    let sun = LightData { direction_ws: [0.0, -1.0, 0.0], intensity: [1.0; 3], ..Zeroable::zeroed() };
+    let views: Vec<_> = fit(&[sun], (Vec3::NEG_ONE, Vec3::ONE), 64, 0).iter().map(|view| view.data).collect();
+    for at in [0, 63, 64, 2000, 4095] {
+        let mut weights = vec![0.0; 4096];
+        weights[at] = 3e-7;
+        assert_eq!(counted(&views, &weights, &[0.0, 0.99])[at], 2 * 65_536);
+    }
+}
+
+/// A floor with a box on it, in a hall, and lights of different colours.
+fn hall(lights: &[LightKind]) -> Stage {
+    let mut stage = Stage::floor(0.7);
+    let grey = stage.lambert(0.3);
+    stage.cuboid(Vec3::new(0.5, 0.5, 0.0), Vec3::splat(0.5), grey);
+    stage.quad(Vec3::new(0.0, 2.0, -3.0), Vec3::X * 4.0, Vec3::Y * 2.0, grey);
+    for (i, kind) in lights.iter().enumerate() {
+        let at = Vec3::new(-1.0 + 0.7 * i as f32, 2.0, 1.0);
+        stage.light(*kind, 5.0, None, at, Vec3::new(0.2, -1.0, -0.3));
+        stage.scene.lights[i].color = [Vec3::new(1.0, 0.5, 0.25), Vec3::new(0.2, 1.0, 0.4), Vec3::ONE][i % 3];
+    }
+    stage
+}
+
+const SPOT: LightKind = LightKind::Spot { inner_rad: 0.3, outer_rad: 0.6 };
+
+#[test]
+fn candidates_carry_the_flux_of_the_maps() {
+    let gpu = device();
+    let mut studio = Studio::new(&gpu, settings(&[]));
+    let all = [LightKind::Directional, SPOT, LightKind::Point];
+    for lights in [&all[..1], &all[1..2], &all[2..], &all, &[SPOT, SPOT, LightKind::Point]] {
+        let scene = studio.load(&hall(lights).scene);
+        for sampling in ["view", "importance", "halton"] {
+            studio.set(settings(&[("indirect.sampling", sampling), ("indirect.vpls", "1000")]));
+            let placed = Placed::new(&mut studio, &scene);
+            let name = format!("{sampling}, {lights:?}");
+            let (total, sum) = (placed.total(), placed.candidates.iter().map(luminance).sum::<f64>());
+            let tiles: f64 =
+                placed.rsm[..placed.tiles()].iter().map(|bits| f64::from(f32::from_bits(*bits))).sum();
+            assert!((tiles / total - 1.0).abs() < 1e-4, "{name}: tiles have {tiles} of {total}");
+            let most = if sampling == "halton" { 0.05 } else { 0.01 };
+            assert!((sum / total - 1.0).abs() < most, "{name}: {sum} of {total} lm");
+            if sampling != "halton" {
+                let each = total / placed.candidates.len() as f64;
+                for vpl in &placed.candidates {
+                    assert!((luminance(vpl) / each - 1.0).abs() < 2e-3, "{name}: {vpl:?}, not {each} lm");
+                }
+            }
+            if let [_] = lights {
+                let [r, g, b] = placed.vpls[0].flux;
+                assert!((g / r - 0.5).abs() < 2e-3 && (b / r - 0.25).abs() < 2e-3, "{name}: {r} {g} {b}");
+            }
+            let kept: f64 = placed.vpls.iter().map(luminance).sum();
+            let most = if sampling == "view" { 0.3 } else { 1e-5 };
+            assert!((kept / sum - 1.0).abs() < most, "{name}: {kept} of {sum} lm are kept");
+        }
+    }
+}
+
+#[test]
+fn over_many_seeds_the_kept_flux_is_that_of_the_maps() {
+    const MANY: u32 = 64;
+    let gpu = device();
+    let mut studio = Studio::new(&gpu, settings(&[]));
+    let scene = studio.load(&hall(&[LightKind::Directional, SPOT, LightKind::Point]).scene);
+    let shares: Vec<_> = (0..MANY)
+        .map(|seed| {
+            let few = [("indirect.vpls", "32"), ("indirect.rsm_resolution", "64")];
+            studio.set(Settings { seed, ..settings(&few) });
+            let placed = Placed::new(&mut studio, &scene);
+            placed.vpls.iter().map(luminance).sum::<f64>() / placed.total()
+        })
+        .collect();
+    let mean = shares.iter().sum::<f64>() / f64::from(MANY);
+    let variance = shares.iter().map(|share| (share - mean).powi(2)).sum::<f64>() / f64::from(MANY - 1);
+    let error = (variance / f64::from(MANY)).sqrt();
+    assert!(error > 0.0 && (mean - 1.0).abs() < 4.0 * error + 1e-3 && error < 0.05, "{mean} ± {error}");
+}
