@@ -220,7 +220,7 @@ mod tests {
         let value = |text: &str, key: &str| {
             Technique::parse(text, &base).unwrap().settings().unwrap().get(key).unwrap()
         };
-        assert_eq!(value("default", "indirect.technique"), "ambient");
+        assert_eq!(value("default", "indirect.technique"), "auto");
         assert_eq!(value("a:shadow.filter=none", "indirect.technique"), "none");
         // One truth for all.
         assert_eq!(value("default", "environment.sky"), "none");

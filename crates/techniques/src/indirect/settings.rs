@@ -103,8 +103,8 @@ settings! {
         candidates: u32 = 4, "", 1..=16, Resources,
             only "indirect.technique=rsm|ism|traced and indirect.sampling=view";
         /// Texels a side of a light's reflective shadow map; those of a point light's six faces have half as many. More place
-        /// virtual lights finer, and cost 12 bytes a texel.
-        rsm_resolution: u32 = 512, "texels", 64..=4096, Resources,
+        /// virtual lights finer, and cost 16 bytes a texel.
+        rsm_resolution: u32 = 512, "texels", 64..=2048, Resources,
             only "indirect.technique=rsm|ism|traced";
         /// Reflective shadow maps drawn a frame at most, when lights or things move; the others wait for their turn. More
         /// follow motion sooner.

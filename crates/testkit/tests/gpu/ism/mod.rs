@@ -51,7 +51,8 @@ fn frame(n: Vec3) -> Mat3 {
 }
 
 pub(crate) fn settings(ism_resolution: IsmResolution, levels: u32) -> IndirectSettings {
-    IndirectSettings { ism_resolution, levels, ..IndirectSettings::default() }
+    // Discs as large as they are.
+    IndirectSettings { ism_resolution, levels, splat: 1.0, ..IndirectSettings::default() }
 }
 
 fn vpl(position: Vec3, normal: Vec3, subset: u32) -> Vpl {
