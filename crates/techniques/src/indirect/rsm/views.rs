@@ -102,14 +102,19 @@ pub fn fit(lights: &[LightData], bounds_ws: (Vec3, Vec3), resolution: u32, candi
     views
 }
 
-/// Gives every view a run of candidates as long as its share of all power.
+/// Gives every view a run of candidates as long as its share of all power, but none that has any goes without while there
+/// are enough.
 fn deal(views: &mut [RsmView], candidates: u32) {
     let all: f64 = views.iter().map(|view| f64::from(view.power)).sum();
-    let (mut before, mut first) = (0.0, 0);
+    let lit = views.iter().filter(|view| view.power > 0.0).count() as u32;
+    let least = u32::from(lit <= candidates);
+    let dealt = f64::from(candidates - least * lit);
+    let (mut before, mut first, mut given) = (0.0, 0, 0);
     for view in views.iter_mut() {
         before += f64::from(view.power);
+        given += least * u32::from(view.power > 0.0);
         // A sum of everything leaves no rest.
-        let end = (f64::from(candidates) * if all > 0.0 { before / all } else { 0.0 }).round() as u32;
+        let end = given + (dealt * if all > 0.0 { before / all } else { 0.0 }).round() as u32;
         (view.data.first, view.data.count) = (first, end - first);
         first = end;
     }
@@ -217,6 +222,19 @@ mod tests {
         assert!(
             views.iter().zip(&ends).skip(1).all(|(view, _)| view.data.tiles == 2 * 64 * 64 + 11 * 32 * 32)
         );
+    }
+
+    #[test]
+    fn a_dim_light_has_a_candidate_beside_a_bright_one() {
+        let dim = LightData { intensity: [1e-9; 3], ..light(LightData::SPOT, 0.5) };
+        let dark = LightData { intensity: [0.0; 3], ..dim };
+        let lights = [dim, light(LightData::DIRECTIONAL, 0.0), dark, dim];
+        for (candidates, expected) in
+            [(100, [1, 98, 0, 1]), (3, [1, 1, 0, 1]), (2, [0, 2, 0, 0]), (0, [0; 4])]
+        {
+            let views = fit(&lights, BOUNDS, 64, candidates);
+            assert_eq!(views.iter().map(|view| view.data.count).collect::<Vec<_>>(), expected);
+        }
     }
 
     #[test]
