@@ -96,7 +96,7 @@ const AFTER: ViewHint = ViewHint::scaled(
 const BLOCK: u32 = 64;
 
 /// A workgroup's memory that teams take beside a block.
-const TEAMS_BYTES: u32 = 4 * BLOCK * BLOCK + 4 * 2048 + 16;
+const TEAMS_BYTES: u32 = 4 * BLOCK * BLOCK + 4 * 1024 + 16;
 
 /// As many workgroups as WebGPU lets start in a row.
 const MOST_VPLS: u32 = 65_535;
