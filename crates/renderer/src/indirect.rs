@@ -6,7 +6,7 @@ use chiaro_techniques::indirect::gather::{GatherInputs, GatherRoom};
 use chiaro_techniques::indirect::ism::{IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
 use chiaro_techniques::indirect::pictures::{PictureInputs, PictureRoom};
 use chiaro_techniques::indirect::points::PointRoom;
-use chiaro_techniques::indirect::rsm::{self, RsmInputs, RsmPlan, RsmRoom};
+use chiaro_techniques::indirect::rsm::{self, RsmInputs, RsmPlan, RsmRoom, RsmView};
 use chiaro_techniques::indirect::vpls::{VplRoom, candidates};
 use chiaro_techniques::indirect::{IndirectSettings, VplSampling};
 use chiaro_techniques::shadow::ShadowOutputs;
@@ -48,6 +48,8 @@ pub(crate) struct IndirectPlan {
     rsm: RsmPlan,
     round: u32,
     share: f32,
+    /// What was given up, for the user.
+    pub note: Option<String>,
 }
 
 /// Group 0 and the scene, and the plan of the frame.
@@ -79,6 +81,39 @@ impl IndirectPlan {
     }
 }
 
+/// Reflective shadow maps take this much at most, and less where the adapter binds less, bytes.
+const MOST_RSM_BYTES: u64 = 256 << 20;
+/// They are made no smaller than this to fit, texels a side.
+const LEAST_RSM_SIDE: u32 = 16;
+
+/// The views of all lights, by as many texels a side as are asked for or fit; and what to tell of it.
+fn reflective_views(
+    gpu: &Gpu,
+    scene: &LoadedScene,
+    lights: &[LightData],
+    settings: &IndirectSettings,
+    candidates: u32,
+) -> (Vec<RsmView>, Option<String>) {
+    let wanted = settings.rsm_resolution;
+    let most = MOST_RSM_BYTES.min(gpu.limits.max_storage_buffer_binding_size);
+    let mut side = wanted;
+    loop {
+        let views = rsm::fit(lights, scene.gpu.bounds_ws, side, candidates);
+        if rsm::bytes(&views) <= most || side / 2 < LEAST_RSM_SIDE {
+            let note = (side < wanted).then(|| {
+                let count = views.len();
+                format!(
+                    "indirect.rsm_resolution is {side} instead of {wanted}: maps of {count} views of lights would take \
+                     more than {} MiB",
+                    most >> 20
+                )
+            });
+            return (views, note);
+        }
+        side /= 2;
+    }
+}
+
 impl IndirectRooms {
     /// Makes room, and says what a frame draws.
     ///
@@ -93,7 +128,7 @@ impl IndirectRooms {
     ) -> Result<IndirectPlan, Error> {
         let indirect = &settings.indirect;
         let evenly = if indirect.sampling == VplSampling::Halton { candidates(indirect) } else { 0 };
-        let views = rsm::fit(wanted.lights, scene.gpu.bounds_ws, indirect.rsm_resolution, evenly);
+        let (views, note) = reflective_views(gpu, scene, wanted.lights, indirect, evenly);
         let most = if wanted.moves { indirect.rsm_maps as usize } else { usize::MAX };
         let Some(rsm) = passes.rsm.as_ref() else { return Err(Error::NoPasses) };
         let of = (&scene.gpu, &*passes.surfaces);
@@ -130,7 +165,7 @@ impl IndirectRooms {
             }
             None => self.pictures = None,
         }
-        Ok(IndirectPlan { rsm, round: wanted.round, share: wanted.share })
+        Ok(IndirectPlan { rsm, round: wanted.round, share: wanted.share, note })
     }
 
     /// Places virtual lights, draws their shadows and gathers their light.

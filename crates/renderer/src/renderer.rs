@@ -343,6 +343,7 @@ impl Renderer {
         let indirect = gathers
             .then(|| rooms.indirect.plan((gpu, &self.pool), (passes, scene), settings, &wanted))
             .transpose()?;
+        state.notes.extend(indirect.as_ref().and_then(|plan| plan.note.clone()));
         let reflective = indirect.as_ref().map_or_else(Vec::new, IndirectPlan::draws);
         rooms.views.set(gpu, &[&[camera], &reflective[..], known].concat(), fitted, at_once);
         // As many as may ever be culled together, so that frames do not allocate when more maps are drawn.

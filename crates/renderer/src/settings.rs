@@ -44,8 +44,8 @@ macro_rules! groups {
         pub struct Settings {
             /// `pipeline`: frame function.
             pub pipeline: Pipeline,
-            /// What all random choices start from; the same seed and settings give the same image. No technique of a frame
-            /// makes any so far.
+            /// What all random choices start from, where virtual lights are put for one; the same seed and settings give the
+            /// same image.
             pub seed: u32,
             $($(#[doc = $doc])+ pub $name: $group),+
         }

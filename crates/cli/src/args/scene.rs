@@ -90,7 +90,7 @@ pub struct SettingsArgs {
     /// Change one setting (see `chiaro settings`); may be given many times, the last one counts
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<Setting>,
-    /// What all random choices start from; no technique of a frame makes any so far
+    /// What all random choices start from, those of virtual lights among them
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
     /// How surfaces meet light: the setting `pipeline` [default: what --set or the preset says]

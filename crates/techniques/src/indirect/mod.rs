@@ -1,6 +1,17 @@
-//! Indirect light: what was scattered before it reaches the surface that is seen. So far an estimate:
-//! [`Technique::Ambient`] stands in for it, until imperfect shadow maps do it right. What the environment or the sky gives
+//! Indirect light: what was scattered before it reaches the surface that is seen. What the environment or the sky gives
 //! the first surface is direct light, and in [`crate::environment`]; the technique says whether it is taken for a source.
+//!
+//! [`Technique::Ambient`] is an estimate for the whole scene ([`ambient`]). The others put virtual lights where lamps
+//! shine, one bounce:
+//!
+//! | step | module | once |
+//! | --- | --- | --- |
+//! | places of the scene, for its shadows | [`points`] | a scene; found again where things move |
+//! | what each lamp shines at | [`rsm`] | a change |
+//! | virtual lights there | [`vpls`] | a frame |
+//! | a coarse shadow map of each | [`ism`] | a frame |
+//! | their light where the camera looks | [`gather`] | a frame, and a layer of see-through surfaces |
+//! | what all this looks like | [`pictures`] | where asked for |
 
 pub mod gather;
 pub mod ism;

@@ -154,8 +154,7 @@ impl Rsm {
         (most, keeps): (usize, bool),
         room: &mut Option<RsmRoom>,
     ) -> Result<RsmPlan, GpuError> {
-        let tiles = views.first().map_or(0, |view| u64::from(view.data.tiles));
-        let words = tiles * (1 + 4 * u64::from(TILE * TILE));
+        let words = bytes(&views) / 4;
         let limit = gpu.limits.max_storage_buffer_binding_size.min(gpu.limits.max_buffer_size);
         if 4 * words > limit {
             return Err(GpuError::TooLarge {
@@ -282,6 +281,12 @@ impl Rsm {
         }
         room.drawn.keep(key, drawn);
     }
+}
+
+/// What the maps of all views take, bytes.
+pub fn bytes(views: &[RsmView]) -> u64 {
+    let tiles = views.first().map_or(0, |view| u64::from(view.data.tiles));
+    4 * tiles * (1 + 4 * u64::from(TILE * TILE))
 }
 
 /// Whether anything that a view sees has moved since a pose.

@@ -157,3 +157,24 @@ fn both_pipelines_get_the_same_light() {
     });
     assert!(forward > 0.0 && (forward / deferred - 1.0).abs() < 0.01, "{forward} {deferred}");
 }
+
+#[test]
+fn maps_of_many_lights_are_made_smaller_until_they_fit_and_it_is_told() {
+    let gpu = device();
+    let mut stage = corner(None);
+    let few = 3;
+    for i in 0..few {
+        stage.light(LightKind::Point, 10.0, None, Vec3::new(-0.5, 1.8, 0.3 * i as f32), Vec3::NEG_Y);
+    }
+    let light = |resolution| {
+        let mut studio = Studio::new(&gpu, with("rsm", &[("indirect.rsm_resolution", resolution)]));
+        let found = mean(&indirect(&mut studio, &stage.scene, &view(1.0)));
+        (found, studio.renderer.notes().to_vec())
+    };
+    // As a binding of any adapter may hold 128 MiB, and one of this may hold more: 18 maps of 1024² are more than either.
+    let (small, told) = light("128");
+    assert_eq!(told, [""; 0]);
+    let (large, told) = light("2048");
+    assert!(told.len() == 1 && told[0].contains("18 views"), "{told:?}");
+    assert!((large / small - 1.0).abs() < 0.05, "{large} {small}");
+}
