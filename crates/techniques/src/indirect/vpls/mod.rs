@@ -4,7 +4,7 @@
 //! | step | reads | writes | by |
 //! | --- | --- | --- | --- |
 //! | scan | `rsm` | `rsm_sums`: weights of all tiles up to each, f32 | a workgroup |
-//! | place | those, lights | `candidates`: [`Vpl`](super::Vpl)s, of flux 0 where nothing was found | a lane each |
+//! | place | those, lights | `candidates`: [`Vpl`]s, of flux 0 where nothing was found | a lane each |
 //! | weigh, by view | those, the picture's surface buffer | `worths`: f32 | a lane each |
 //! | choose | those | `vpls`, `vpl_count` | a workgroup |
 //!
