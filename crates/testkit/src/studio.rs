@@ -23,8 +23,9 @@ pub fn direct(changes: &[(&str, &str)]) -> Settings {
 #[derive(Debug)]
 pub struct Studio {
     gpu: Gpu,
-    /// The renderer.
-    pub renderer: Renderer,
+    settings: Settings,
+    // Once there is a scene: what is compiled without one is mostly compiled anew for its materials.
+    renderer: Option<Renderer>,
 }
 
 /// Unwraps what a test cannot go on without.
@@ -36,12 +37,23 @@ pub(crate) fn need<T>(result: Result<T, impl std::fmt::Display>) -> T {
 }
 
 impl Studio {
-    /// Compiles the passes.
+    /// Passes are compiled with the first scene.
+    pub fn new(gpu: &Gpu, settings: Settings) -> Self {
+        Self { gpu: gpu.clone(), settings, renderer: None }
+    }
+
+    /// The renderer.
     ///
     /// # Panics
     /// When the settings do not go together.
-    pub fn new(gpu: &Gpu, settings: Settings) -> Self {
-        Self { gpu: gpu.clone(), renderer: need(Renderer::new(gpu, settings)) }
+    pub fn renderer(&mut self) -> &mut Renderer {
+        let Self { gpu, settings, renderer } = self;
+        renderer.get_or_insert_with(|| need(Renderer::new(gpu, settings.clone())))
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        self.renderer.as_ref().map_or(&self.settings, Renderer::settings)
     }
 
     /// Changes settings.
@@ -49,15 +61,23 @@ impl Studio {
     /// # Panics
     /// When they do not go together.
     pub fn set(&mut self, settings: Settings) {
-        need(self.renderer.set(settings));
+        match &mut self.renderer {
+            Some(renderer) => need(renderer.set(settings)),
+            None => self.settings = settings,
+        }
     }
 
     /// Uploads a scene.
     ///
     /// # Panics
-    /// When it does not fit the adapter.
+    /// When it does not fit the adapter, or the settings do not go together.
     pub fn load(&mut self, scene: &Scene) -> LoadedScene {
-        need(self.renderer.load(scene))
+        if let Some(renderer) = &mut self.renderer {
+            return need(renderer.load(scene));
+        }
+        let (renderer, loaded) = need(Renderer::with_scene(&self.gpu, self.settings.clone(), scene));
+        self.renderer = Some(renderer);
+        loaded
     }
 
     /// The mean radiance of `samples` frames, nits, with 1 nit for the white of unlit materials.
@@ -66,7 +86,7 @@ impl Studio {
     /// When the device fails.
     pub fn radiance(&mut self, scene: &LoadedScene, view: &View, size: [u32; 2], samples: u32) -> Image {
         let options = StillOptions { size, samples, ..StillOptions::default() };
-        let still = need(self.renderer.still(scene, view, &options));
+        let still = need(self.renderer().still(scene, view, &options));
         let mut sum = need(still.radiance.wait(&self.gpu));
         if let Some(unlit) = still.unlit {
             sum.add_floats(&need(unlit.wait(&self.gpu)));
@@ -96,7 +116,7 @@ impl Studio {
         aovs: [Aov; N],
     ) -> [Image; N] {
         let options = StillOptions { size, samples, aovs: aovs.to_vec(), ..StillOptions::default() };
-        let still = need(self.renderer.still(scene, view, &options));
+        let still = need(self.renderer().still(scene, view, &options));
         let images: Vec<_> = still
             .aovs
             .into_iter()
@@ -120,7 +140,7 @@ impl Studio {
     ) -> (Image, [Image; 3]) {
         let aovs = vec![Aov::Direct, Aov::Indirect, Aov::Caustics];
         let options = StillOptions { size, samples, aovs, moving, ..StillOptions::default() };
-        let still = need(self.renderer.still(scene, view, &options));
+        let still = need(self.renderer().still(scene, view, &options));
         let mut sum = need(still.radiance.wait(&self.gpu));
         if let Some(unlit) = still.unlit {
             sum.add_floats(&need(unlit.wait(&self.gpu)));
@@ -138,7 +158,7 @@ impl Studio {
     /// When the device fails.
     pub fn picture(&mut self, scene: &LoadedScene, view: &View, size: [u32; 2], samples: u32) -> Picture {
         let options = StillOptions { size, samples, ..StillOptions::default() };
-        let still = need(self.renderer.still(scene, view, &options));
+        let still = need(self.renderer().still(scene, view, &options));
         let pixels = need(still.picture.wait(&self.gpu));
         let (texels, _) = pixels.bytes.as_chunks::<4>();
         need(Picture::from_bytes(

@@ -53,8 +53,9 @@ fn the_architectures_diagram_is_that_of_a_frame() {
     let view = View::from_scene(&scene, 0).unwrap();
     let mut studio = Studio::new(&gpu, direct(&[("shadow.resolution", "64"), ("surface.layers", "1")]));
     let loaded = studio.load(&scene);
-    let mut state = ViewState::new(&studio.renderer);
-    let prepared = studio.renderer.prepare(&mut state, &loaded, &view, [32, 32], (Vec2::ZERO, 1.0)).unwrap();
+    let mut state = ViewState::new(studio.renderer());
+    let prepared =
+        studio.renderer().prepare(&mut state, &loaded, &view, [32, 32], (Vec2::ZERO, 1.0)).unwrap();
     let mut recorder = Recorder::new(&gpu, false);
     let mut frame = recorder.begin();
     prepared.record(&mut frame, true);

@@ -188,8 +188,7 @@ fn an_adopted_device_keeps_its_handlers_and_all_its_errors() {
 #[test]
 fn a_target_of_any_format_has_the_still_s_picture() {
     let gpu = device();
-    let mut renderer = Renderer::new(&gpu, settings()).unwrap();
-    let scene = renderer.load(&stage()).unwrap();
+    let (mut renderer, scene) = Renderer::with_scene(&gpu, settings(), &stage()).unwrap();
     for size in [SIZE, [33, 7]] {
         let options = StillOptions { size, samples: 1, ..StillOptions::default() };
         let still = renderer.still(&scene, &camera(), &options).unwrap();
@@ -411,8 +410,7 @@ fn a_technique_alone_is_text_for_any_group_and_says_what_it_cannot_do() {
 #[test]
 fn scenes_that_break_rules_reach_neither_gpu_nor_tracer() {
     let gpu = device();
-    let mut renderer = Renderer::new(&gpu, settings()).unwrap();
-    let sound = renderer.load(&stage()).unwrap();
+    let (mut renderer, sound) = Renderer::with_scene(&gpu, settings(), &stage()).unwrap();
     let faults: [fn(&mut Scene); 4] = [
         |scene| scene.meshes[1].primitives[0].indices[2] = 4_000_000_000,
         |scene| scene.meshes[1].primitives[0].positions[0].x = f32::NAN,
@@ -438,8 +436,7 @@ fn scenes_that_break_rules_reach_neither_gpu_nor_tracer() {
 #[test]
 fn what_cannot_be_rendered_is_refused_before_the_device_hears_of_it() {
     let gpu = device();
-    let mut renderer = Renderer::new(&gpu, settings()).unwrap();
-    let loaded = renderer.load(&stage()).unwrap();
+    let (mut renderer, loaded) = Renderer::with_scene(&gpu, settings(), &stage()).unwrap();
     for size in [[0, 0], [5, 0], [u32::MAX, 1]] {
         let options = StillOptions { size, samples: 1, ..StillOptions::default() };
         assert!(matches!(renderer.still(&loaded, &camera(), &options), Err(Error::Size { .. })), "{size:?}");

@@ -19,13 +19,13 @@ fn leaves(pipeline: Pipeline, recorder: &mut Recorder) -> Vec<Resource> {
     let mut studio = Studio::new(&gpu, settings);
     let loaded = studio.load(&scene);
     // Of a later frame, in which the shadow maps are those of the first.
-    let mut state = chiaro::ViewState::new(&studio.renderer);
+    let mut state = chiaro::ViewState::new(studio.renderer());
     let sampling = (Vec2::ZERO, 1.0);
-    let prepared = studio.renderer.prepare(&mut state, &loaded, &view, SIZE, sampling).unwrap();
+    let prepared = studio.renderer().prepare(&mut state, &loaded, &view, SIZE, sampling).unwrap();
     let mut frame = recorder.begin();
     prepared.record(&mut frame, true);
     frame.submit();
-    let prepared = studio.renderer.prepare(&mut state, &loaded, &view, SIZE, sampling).unwrap();
+    let prepared = studio.renderer().prepare(&mut state, &loaded, &view, SIZE, sampling).unwrap();
     let mut frame = recorder.begin();
     let outputs = prepared.record(&mut frame, true);
     let all: Vec<_> = frame.resources().collect();
@@ -117,11 +117,11 @@ fn what_is_asked_for_by_name_comes_back_and_an_unknown_name_tells_all() {
         left: vec![name.into()],
         ..StillOptions::default()
     };
-    let error = studio.renderer.still(&loaded, &view, &options("direct/dreams")).unwrap_err().to_string();
+    let error = studio.renderer().still(&loaded, &view, &options("direct/dreams")).unwrap_err().to_string();
     for name in ["direct/dreams", "shadow/shadow_maps", "surface/visibility"] {
         assert!(error.contains(name), "{error}");
     }
-    let mut still = studio.renderer.still(&loaded, &view, &options("direct/radiance")).unwrap();
+    let mut still = studio.renderer().still(&loaded, &view, &options("direct/radiance")).unwrap();
     let Some(chiaro::Left::Sum(sum)) = still.left.pop().map(|left| left.content) else {
         panic!("not summed")
     };
@@ -148,12 +148,12 @@ fn whatever_is_listed_comes_back_from_stills_of_many_frames() {
         let mut studio = Studio::new(&gpu, settings);
         let loaded = studio.load(&scene);
         let mut recorder = Recorder::new(&gpu, false);
-        let listed = studio.renderer.leaves(&mut recorder, &loaded, &view, SIZE).unwrap();
+        let listed = studio.renderer().leaves(&mut recorder, &loaded, &view, SIZE).unwrap();
         let left: Vec<_> = listed.iter().map(|resource| resource.name.to_string()).collect();
         let options = StillOptions { size: SIZE, samples: 3, left: left.clone(), ..StillOptions::default() };
         // In the second still as well, before which all maps rest.
         for _ in 0..2 {
-            let still = studio.renderer.still(&loaded, &view, &options).unwrap();
+            let still = studio.renderer().still(&loaded, &view, &options).unwrap();
             let names: Vec<_> = still.left.into_iter().map(|left| left.name).collect();
             assert_eq!(names, left, "{changes:?}");
         }

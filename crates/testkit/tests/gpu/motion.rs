@@ -262,13 +262,13 @@ fn where_everything_was_in_the_frame_before_is_kept() {
     let source = moving();
     let mut studio = Studio::new(&gpu, direct(&[]));
     let mut loaded = studio.load(&source);
-    let mut state = chiaro::ViewState::new(&studio.renderer);
+    let mut state = chiaro::ViewState::new(studio.renderer());
     let mut recorder = Recorder::new(&gpu, false);
     let mut last = None;
     for (time_s, moves) in [(0.0, false), (0.3, true), (0.8, true), (0.8, false), (0.8, false)] {
         loaded.set_pose(&source, &source.pose(time_s)).unwrap();
         let prepared =
-            studio.renderer.prepare(&mut state, &loaded, &view(), SIZE, (Vec2::ZERO, 1.0)).unwrap();
+            studio.renderer().prepare(&mut state, &loaded, &view(), SIZE, (Vec2::ZERO, 1.0)).unwrap();
         let mut frame = recorder.begin();
         let _ = prepared.record(&mut frame, false);
         frame.submit();

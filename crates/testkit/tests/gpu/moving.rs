@@ -25,8 +25,8 @@ fn frames<'a>(
     let frame = |(time_s, view, size): (f64, &View, [u32; 2])| {
         loaded.set_pose(scene, &scene.pose(time_s)).unwrap();
         let options = StillOptions { size, samples: 1, aovs: aovs.to_vec(), moving: true, left: Vec::new() };
-        let still = studio.renderer.still(loaded, view, &options).unwrap();
-        let gpu = studio.renderer.gpu().clone();
+        let still = studio.renderer().still(loaded, view, &options).unwrap();
+        let gpu = studio.renderer().gpu().clone();
         let image = |sum: &chiaro::Pixels| {
             let texels = sum.floats().as_chunks::<4>().0.iter().map(|t| [t[0], t[1], t[2]]).collect();
             Image::from_pixels(sum.width, sum.height, texels).unwrap()
@@ -230,7 +230,7 @@ fn moving_edges_are_smoother_than_single_frames_and_leave_no_ghosts() {
         let mut studio =
             Studio::new(&device(), direct(&[("post.antialias", antialias), ("shadow.layout", "none")]));
         let mut loaded = studio.load(&scene);
-        let gpu = studio.renderer.gpu().clone();
+        let gpu = studio.renderer().gpu().clone();
         let mut last = None;
         for frame in 0..12 {
             let mut pose = scene.pose(0.0);
@@ -238,7 +238,7 @@ fn moving_edges_are_smoother_than_single_frames_and_leave_no_ghosts() {
             pose.set_world(&scene, board, place);
             loaded.set_pose(&scene, &pose).unwrap();
             let options = StillOptions { size: SIZE, samples, moving: true, ..StillOptions::default() };
-            let still = studio.renderer.still(&loaded, &eye, &options).unwrap();
+            let still = studio.renderer().still(&loaded, &eye, &options).unwrap();
             last = Some(still.radiance.wait(&gpu).unwrap());
         }
         let sum = last.unwrap();

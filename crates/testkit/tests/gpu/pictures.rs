@@ -55,8 +55,7 @@ fn taken() -> [Read; 5] {
     stage.quad(Vec3::ZERO, Vec3::X * HALF_M, Vec3::NEG_Z * HALF_M, floor);
     stage.quad(Vec3::Y, Vec3::X, Vec3::NEG_Z, black);
     stage.light(LightKind::Directional, 1000.0, None, Vec3::ZERO, Vec3::new(1.0, -1.0, 0.0));
-    let mut renderer = Renderer::new(&gpu, settings).unwrap();
-    let loaded = renderer.load(&stage.scene).unwrap();
+    let (mut renderer, loaded) = Renderer::with_scene(&gpu, settings, &stage.scene).unwrap();
     let left = NAMES.map(|name| format!("indirect/{name}")).to_vec();
     let options = StillOptions { size: [SIDE; 2], samples: 1, left, ..StillOptions::default() };
     let still = renderer.still(&loaded, &camera_above(HALF_M), &options).unwrap();

@@ -106,7 +106,7 @@ fn a_second_still_compiles_nothing() {
     let still = |studio: &mut Studio, aovs: Vec<Aov>| {
         let before = gpu.created.pipelines();
         let options = StillOptions { size: [8; 2], samples: 1, aovs, ..StillOptions::default() };
-        let still = studio.renderer.still(&loaded, &camera_above(1.0), &options).unwrap();
+        let still = studio.renderer().still(&loaded, &camera_above(1.0), &options).unwrap();
         (gpu.created.pipelines() - before, still.picture.wait(&gpu).unwrap().bytes)
     };
     let (first, picture) = still(&mut studio, vec![Aov::Albedo]);
@@ -147,14 +147,14 @@ fn a_steady_frame_allocates_nothing() {
     for (pipeline, msaa) in [(Pipeline::Deferred, "1"), (Pipeline::Forward, "4")] {
         let mut studio = Studio::new(&gpu, settings(pipeline, msaa));
         let loaded = studio.load(&scene);
-        let mut state = chiaro::ViewState::new(&studio.renderer);
+        let mut state = chiaro::ViewState::new(studio.renderer());
         let mut recorder = Recorder::new(&gpu, false);
         let mut steady = None;
         for index in 0..40 {
             // The camera moves, as it does where frames follow each other.
             view.world_from_camera.w_axis.x += 0.01;
             let prepared =
-                studio.renderer.prepare(&mut state, &loaded, &view, SIZE, (Vec2::ZERO, 1.0)).unwrap();
+                studio.renderer().prepare(&mut state, &loaded, &view, SIZE, (Vec2::ZERO, 1.0)).unwrap();
             let mut frame = recorder.begin();
             let _ = prepared.record(&mut frame, false);
             frame.submit();

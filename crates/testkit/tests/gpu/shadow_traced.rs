@@ -199,7 +199,7 @@ fn a_node_that_a_program_moves_takes_its_shadow_along_and_asks_for_new_trees() {
     };
     check(&mut studio, &loaded);
     assert!(loaded.trees_are_due());
-    studio.renderer.equip(&stage.scene, &mut loaded).unwrap();
+    studio.renderer().equip(&stage.scene, &mut loaded).unwrap();
     assert!(!loaded.trees_are_due());
     check(&mut studio, &loaded);
     // From now on it is carried.
@@ -212,8 +212,7 @@ fn a_node_that_a_program_moves_takes_its_shadow_along_and_asks_for_new_trees() {
 #[test]
 fn a_scene_without_trees_is_refused_by_name_until_it_is_given_some() {
     let stage = &lights()[0].1;
-    let mut renderer = Renderer::new(&device(), direct(&[])).unwrap();
-    let mut loaded = renderer.load(&stage.scene).unwrap();
+    let (mut renderer, mut loaded) = Renderer::with_scene(&device(), direct(&[]), &stage.scene).unwrap();
     renderer.set(traced(&[])).unwrap();
     let (view, options) = (camera_above(HALF), StillOptions { size: [8; 2], ..StillOptions::default() });
     assert!(loaded.lacks_trees(renderer.settings()));
@@ -226,8 +225,7 @@ fn a_scene_without_trees_is_refused_by_name_until_it_is_given_some() {
 #[test]
 fn trees_of_another_scene_are_refused() {
     let stage = &lights()[0].1;
-    let mut renderer = Renderer::new(&device(), traced(&[])).unwrap();
-    let mut loaded = renderer.load(&stage.scene).unwrap();
+    let (_, mut loaded) = Renderer::with_scene(&device(), traced(&[]), &stage.scene).unwrap();
     // As many nodes and triangles; one corner is elsewhere. And another number of nodes.
     let mut moved = stage.scene.clone();
     moved.meshes[1].primitives[0].positions[0].x += 0.25;

@@ -1,6 +1,7 @@
 //! Nothing is built that a browser refuses: every kind of pass once, on a device that is strict about WebGPU.
 
 use chiaro::techniques::post::DebugView;
+use chiaro::techniques::{Kit, shaders};
 use chiaro::{Aov, Effect, Error, Kind, Pipeline, Recorder, Settings, StillOptions, View, scene};
 use chiaro_gpu::wgpu::{Features, Limits};
 use chiaro_testkit::{Studio, device_guaranteed};
@@ -52,17 +53,17 @@ fn look(studio: &mut Studio, name: &str, settings: impl IntoIterator<Item = Sett
     let view = View::from_scene(&scene, 0).unwrap();
     let mut loaded = studio.load(&scene);
     let mut recorder = Recorder::new(&gpu, false);
-    let mut state = chiaro::ViewState::new(&studio.renderer);
+    let mut state = chiaro::ViewState::new(studio.renderer());
     let mut rendered = 0;
     for settings in settings {
-        match studio.renderer.set(settings.clone()) {
+        match studio.renderer().set(settings.clone()) {
             Ok(()) => {}
             Err(Error::Combination(_)) => continue,
             Err(error) => panic!("{settings:?}: {error}"),
         }
-        studio.renderer.equip(&scene, &mut loaded).unwrap();
+        studio.renderer().equip(&scene, &mut loaded).unwrap();
         let sampling = (Vec2::ZERO, 1.0);
-        let prepared = studio.renderer.prepare(&mut state, &loaded, &view, SIZE, sampling).unwrap();
+        let prepared = studio.renderer().prepare(&mut state, &loaded, &view, SIZE, sampling).unwrap();
         let mut frame = recorder.begin();
         prepared.record(&mut frame, true);
         frame.submit();
@@ -71,7 +72,7 @@ fn look(studio: &mut Studio, name: &str, settings: impl IntoIterator<Item = Sett
     }
     recorder.wait().unwrap();
     let options = StillOptions { size: SIZE, samples: 1, aovs: vec![Aov::Shadow], ..StillOptions::default() };
-    let still = studio.renderer.still(&loaded, &view, &options).unwrap();
+    let still = studio.renderer().still(&loaded, &view, &options).unwrap();
     still.picture.wait(&gpu).unwrap();
     rendered
 }
@@ -101,7 +102,6 @@ fn glass_leaves_and_what_moves_are_what_a_browser_takes() {
     for name in ["builtin:ball", "builtin:dancer"] {
         look(&mut Studio::new(&gpu, small()), name, both());
     }
-    let studio = Studio::new(&gpu, small());
-    let kit = studio.renderer.kit();
+    let kit = Kit::new(&gpu, shaders::library());
     DebugView::new(&gpu, &kit.library, &kit.frame_layout).unwrap();
 }

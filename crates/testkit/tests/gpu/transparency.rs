@@ -264,10 +264,10 @@ fn half_transmission_halves_what_is_reflected_diffusely() {
 }
 
 fn passes_of(studio: &mut Studio, gpu: &Gpu, scene: &LoadedScene) -> Vec<&'static str> {
-    let mut state = chiaro::ViewState::new(&studio.renderer);
+    let mut state = chiaro::ViewState::new(studio.renderer());
     let mut recorder = Recorder::new(gpu, false);
     let prepared =
-        studio.renderer.prepare(&mut state, scene, &camera_above(1.0), SIZE, (Vec2::ZERO, 1.0)).unwrap();
+        studio.renderer().prepare(&mut state, scene, &camera_above(1.0), SIZE, (Vec2::ZERO, 1.0)).unwrap();
     let mut frame = recorder.begin();
     let _ = prepared.record(&mut frame, false);
     frame.submit();
@@ -315,11 +315,13 @@ fn a_steady_frame_with_glass_allocates_nothing() {
     level(&mut stage, 1.0, 0.5, clear());
     let mut studio = Studio::new(&gpu, direct(&[]));
     let scene = studio.load(&stage.scene);
-    let mut state = chiaro::ViewState::new(&studio.renderer);
+    let mut state = chiaro::ViewState::new(studio.renderer());
     let mut recorder = Recorder::new(&gpu, false);
     let created = [(); 6].map(|()| {
-        let prepared =
-            studio.renderer.prepare(&mut state, &scene, &camera_above(1.0), SIZE, (Vec2::ZERO, 1.0)).unwrap();
+        let prepared = studio
+            .renderer()
+            .prepare(&mut state, &scene, &camera_above(1.0), SIZE, (Vec2::ZERO, 1.0))
+            .unwrap();
         let mut frame = recorder.begin();
         let _ = prepared.record(&mut frame, false);
         frame.submit();

@@ -40,7 +40,7 @@ fn pipelines(gpu: &Gpu) -> [Studio; 2] {
 
 /// Codes in the middle of the left half, of the small quad and of the bare floor.
 fn codes(studio: &mut Studio, scene: &Scene, changes: &[(&str, &str)]) -> [u8; 3] {
-    let mut settings = studio.renderer.settings().clone();
+    let mut settings = studio.settings().clone();
     for (key, value) in changes {
         settings.set(key, value).unwrap();
     }

@@ -20,8 +20,8 @@ fn cameras() -> [View; 2] {
 fn frames(seen: &[View]) -> Vec<(Vec<Vec<f32>>, [Vec<u32>; 2])> {
     let gpu = device();
     let source = moving();
-    let mut renderer = Renderer::new(&gpu, direct(&[("shadow.resolution", "256")])).unwrap();
-    let mut loaded = renderer.load(&source).unwrap();
+    let (renderer, mut loaded) =
+        Renderer::with_scene(&gpu, direct(&[("shadow.resolution", "256")]), &source).unwrap();
     let mut states: Vec<_> = seen.iter().map(|_| ViewState::new(&renderer)).collect();
     let accumulator = Accumulator::new(&gpu, &renderer.kit().library).unwrap();
     let pool = TexturePool::default();
@@ -65,8 +65,7 @@ fn two_views_of_a_moving_scene_in_one_frame_are_as_each_alone() {
 #[test]
 fn pictures_of_no_or_too_many_pixels_are_refused() {
     let gpu = device();
-    let mut renderer = Renderer::new(&gpu, direct(&[])).unwrap();
-    let loaded = renderer.load(&moving()).unwrap();
+    let (renderer, loaded) = Renderer::with_scene(&gpu, direct(&[]), &moving()).unwrap();
     let mut state = ViewState::new(&renderer);
     let most = gpu.limits.max_texture_dimension_2d;
     for size in [[0, 32], [32, 0], [most + 1, 32], [0, 0]] {

@@ -169,7 +169,7 @@ fn maps_of_many_lights_are_made_smaller_until_they_fit_and_it_is_told() {
     let light = |resolution| {
         let mut studio = Studio::new(&gpu, with("rsm", &[("indirect.rsm_resolution", resolution)]));
         let found = mean(&indirect(&mut studio, &stage.scene, &view(1.0)));
-        (found, studio.renderer.notes().to_vec())
+        (found, studio.renderer().notes().to_vec())
     };
     // As a binding of any adapter may hold 128 MiB, and one of this may hold more: 18 maps of 1024² are more than either.
     let (small, told) = light("128");

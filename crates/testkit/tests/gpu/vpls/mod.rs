@@ -56,8 +56,8 @@ impl Placed {
         let names = ["rsm_views", "rsm", "vpl_candidates", "vpls", "vpl_count"];
         let left = names.map(|name| format!("indirect/{name}")).to_vec();
         let options = StillOptions { size: [16, 16], samples: 1, left, ..StillOptions::default() };
-        let still = studio.renderer.still(scene, &camera_above(2.0), &options).unwrap();
-        let gpu = studio.renderer.gpu().clone();
+        let still = studio.renderer().still(scene, &camera_above(2.0), &options).unwrap();
+        let gpu = studio.renderer().gpu().clone();
         let bytes = still.left.into_iter().map(|left| match left.content {
             chiaro::Left::Buffer(buffer) => buffer.wait(&gpu).unwrap(),
             _ => panic!("{} is no buffer", left.name),

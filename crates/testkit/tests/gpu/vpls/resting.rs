@@ -34,7 +34,7 @@ impl Film {
         let changes = [&[("indirect.rsm_resolution", "64"), ("indirect.vpls", "64")], changes].concat();
         let mut studio = Studio::new(&gpu, settings(&changes));
         let loaded = studio.load(scene);
-        let state = ViewState::new(&studio.renderer);
+        let state = ViewState::new(studio.renderer());
         Self { studio, loaded, state, recorder: Recorder::new(&gpu, false) }
     }
 
@@ -42,13 +42,14 @@ impl Film {
     fn frame(&mut self) -> ([f64; 2], usize) {
         let view = View::look_at(Vec3::new(0.0, 3.0, 4.0), Vec3::ZERO, 0.9, 0.05);
         let Self { studio, loaded, state, recorder } = self;
-        let prepared = studio.renderer.prepare(state, loaded, &view, SIZE, chiaro::Sampling::Moving).unwrap();
+        let prepared =
+            studio.renderer().prepare(state, loaded, &view, SIZE, chiaro::Sampling::Moving).unwrap();
         let mut frame = recorder.begin();
         prepared.record(&mut frame, true);
         let rsm = frame.resources().find(|resource| resource.name.to_string() == "indirect/rsm").unwrap();
         frame.submit();
         let Handle::Buffer(rsm) = &rsm.handle else { panic!("a buffer") };
-        let gpu = studio.renderer.gpu();
+        let gpu = studio.renderer().gpu();
         let bytes = BufferReadback::start(gpu, rsm).wait(gpu).unwrap();
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
         let tile = |i: usize| f64::from(f32::from_bits(words[i]));
