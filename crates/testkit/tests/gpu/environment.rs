@@ -34,9 +34,11 @@ fn with(mut settings: Settings, changes: &[(&str, &str)]) -> Settings {
     settings
 }
 
-fn picture(settings: Settings, stage: &Stage, view: &View) -> Image {
-    let gpu = device();
-    let mut studio = Studio::new(&gpu, settings);
+fn studio(settings: Settings) -> Studio {
+    Studio::new(&device(), settings)
+}
+
+fn picture(studio: &mut Studio, stage: &Stage, view: &View) -> Image {
     let scene = studio.load(&stage.scene);
     studio.radiance(&scene, view, SIZE, 1)
 }
@@ -62,10 +64,10 @@ fn in_a_white_furnace_white_lambert_vanishes_and_smooth_metal_shows_its_albedo()
     let white = Material { specular: 0.0, ..Material::default() };
     let metal =
         Material { base_color: gold.extend(1.0), metallic: 1.0, roughness: 0.0, ..Material::default() };
-    for settings in pipelines() {
+    for mut studio in pipelines().map(studio) {
         for (material, albedo) in [(white.clone(), Vec3::ONE), (metal.clone(), gold)] {
             let (stage, view) = slab(material, uniform(1.0));
-            let image = picture(settings.clone(), &stage, &view);
+            let image = picture(&mut studio, &stage, &view);
             // 10 bits of √ colour, the table of directional albedo, and for the metal Schlick's rise at this angle.
             // The pixel's middle is half a pixel below the camera's axis.
             let down = (1.0f32 / 3.0).atan() + (0.5 / 32.0 * 0.5f32.tan()).atan();
@@ -79,9 +81,10 @@ fn in_a_white_furnace_white_lambert_vanishes_and_smooth_metal_shows_its_albedo()
 
 #[test]
 fn rough_metal_and_dielectric_lose_nothing_in_a_white_furnace() {
+    let mut studio = studio(Settings::default());
     for (metallic, roughness) in [(1.0, 0.3), (1.0, 1.0), (0.0, 0.2), (0.0, 1.0)] {
         let (stage, view) = slab(Material { metallic, roughness, ..Material::default() }, uniform(1.0));
-        let image = picture(Settings::default(), &stage, &view);
+        let image = picture(&mut studio, &stage, &view);
         assert_is(
             image.pixel(32, 32),
             Vec3::ONE,
@@ -117,13 +120,13 @@ fn middle(image: &Image) -> Option<(f32, f32)> {
 #[test]
 fn a_bright_texel_is_seen_where_its_direction_says() {
     let texels = [&[(32, 16), (0, 16), (50, 22)][..], &[(16, 10)], &[(63, 5)]];
-    for (settings, texels) in pipelines().zip(texels) {
+    for (mut studio, texels) in pipelines().map(studio).zip(texels) {
         for &(x, y) in texels {
             let (environment, direction) = one_bright_texel(x, y, 100.0);
             let mut stage = Stage::new();
             stage.scene.environment = Some(environment);
             let view = View::look_at(Vec3::ZERO, direction, 0.8, 0.1);
-            let found = middle(&picture(settings.clone(), &stage, &view)).expect("nothing is seen");
+            let found = middle(&picture(&mut studio, &stage, &view)).expect("nothing is seen");
             // Half a degree.
             assert!(found.0.abs() < 0.7 && found.1.abs() < 0.7, "texel {x} {y}: {found:?}");
         }
@@ -133,7 +136,7 @@ fn a_bright_texel_is_seen_where_its_direction_says() {
     let mut stage = Stage::new();
     stage.scene.environment = Some(environment);
     let view = View::look_at(Vec3::ZERO, Vec3::Z, 1.0, 0.1);
-    let (right, up) = middle(&picture(Settings::default(), &stage, &view)).unwrap();
+    let (right, up) = middle(&picture(&mut studio(Settings::default()), &stage, &view)).unwrap();
     assert!(right > 3.0 && up > 0.5, "{right} {up}");
 }
 
@@ -143,9 +146,8 @@ fn turning_the_surroundings_counter_clockwise_moves_them_left() {
     let mut stage = Stage::new();
     stage.scene.environment = Some(environment);
     let view = View::look_at(Vec3::ZERO, direction, 1.0, 0.1);
-    let (right, _) =
-        middle(&picture(with(Settings::default(), &[("environment.rotation", "10")]), &stage, &view))
-            .unwrap();
+    let mut studio = studio(with(Settings::default(), &[("environment.rotation", "10")]));
+    let (right, _) = middle(&picture(&mut studio, &stage, &view)).unwrap();
     // 10° of a picture 1 rad high.
     let expected = -32.0 * 10f32.to_radians().tan() / 0.5f32.tan();
     assert!((right - expected).abs() < 1.0, "{right} instead of {expected}");
@@ -161,15 +163,14 @@ fn a_mirror_shows_the_background_that_it_faces() {
         chiaro::scene::Transform::Matrix(glam::Affine3A::from_scale(Vec3::splat(50.0)));
     let mirrored = direction * Vec3::new(1.0, -1.0, 1.0);
     let view = View::look_at(Vec3::Y, Vec3::Y + mirrored, 0.6, 0.1);
-    for settings in pipelines() {
-        let found = middle(&picture(settings, &stage, &view)).expect("nothing is seen");
+    for mut studio in pipelines().map(studio) {
+        let found = middle(&picture(&mut studio, &stage, &view)).expect("nothing is seen");
         assert!(found.0.abs() < 1.5 && found.1.abs() < 1.5, "{found:?}");
     }
 }
 
 #[test]
 fn a_million_nits_stay_finite_and_a_thousandth_beside_them_stays_visible() {
-    let gpu = device();
     let mut stage = Stage::new();
     stage.scene.environment =
         Some(map(256, 128, |x, y| Vec3::splat(if (x, y) == (128, 60) { 1e6 } else { 1e-3 })));
@@ -177,8 +178,7 @@ fn a_million_nits_stay_finite_and_a_thousandth_beside_them_stays_visible() {
         let material = stage.material(Material { metallic, roughness, ..Material::default() });
         stage.quad(Vec3::X * (number as f32 - 1.0), Vec3::X * 0.5, Vec3::NEG_Z, material);
     }
-    for settings in pipelines() {
-        let mut studio = Studio::new(&gpu, settings);
+    for mut studio in pipelines().map(studio) {
         let scene = studio.load(&stage.scene);
         for (eye, target) in [(Vec3::new(0.0, 1.0, -3.0), Vec3::ZERO), (Vec3::Y, Vec3::new(0.0, 1.05, 1.0))] {
             let view = View::look_at(eye, target, 1.0, 0.1);
@@ -195,10 +195,10 @@ fn without_indirect_light_an_environment_is_seen_straight_and_in_metals_and_ligh
     let matte = Material { specular: 0.0, ..Material::default() };
     let metal = |roughness| Material { metallic: 1.0, roughness, ..Material::default() };
     for settings in pipelines() {
-        let settings = with(settings, &[("indirect.technique", "none")]);
+        let mut studio = studio(with(settings, &[("indirect.technique", "none")]));
         for (material, nits) in [(matte.clone(), 0.0), (metal(0.0), 2.0), (metal(0.5), 2.0)] {
             let (stage, view) = slab(material, uniform(2.0));
-            let image = picture(settings.clone(), &stage, &view);
+            let image = picture(&mut studio, &stage, &view);
             let found = image.pixel(32, 32);
             assert!(found.iter().all(|v| (v - nits).abs() <= 0.02 * nits), "{found:?} is not {nits}");
             assert_is(image.pixel(32, 1), Vec3::splat(2.0), 0.001, "background");
@@ -210,7 +210,8 @@ fn without_indirect_light_an_environment_is_seen_straight_and_in_metals_and_ligh
 fn intensity_scales_background_and_light_alike() {
     let white = Material { specular: 0.0, base_color: Vec4::ONE, ..Material::default() };
     let (stage, view) = slab(white, uniform(2.0));
-    let image = picture(with(Settings::default(), &[("environment.intensity", "3")]), &stage, &view);
+    let mut studio = studio(with(Settings::default(), &[("environment.intensity", "3")]));
+    let image = picture(&mut studio, &stage, &view);
     assert_is(image.pixel(32, 32), Vec3::splat(6.0), 0.01, "surface");
     assert_is(image.pixel(32, 1), Vec3::splat(6.0), 0.001, "background");
 }

@@ -155,7 +155,7 @@ fn every_buffer_can_be_looked_at() {
 }
 
 #[test]
-fn keys_fly_and_choose_light() {
+fn keys_choose_light_and_fly_and_the_picture_comes_to_rest_without_a_step() {
     let mut driver = Driver::cornell();
     let still = driver.picture();
     driver.press(Key::I);
@@ -166,14 +166,6 @@ fn keys_fly_and_choose_light() {
     assert!(driver.picture() == still, "both together are not what was there before");
     assert!(direct != still && indirect != still && direct != indirect);
 
-    driver.press(Key::W);
-    assert!(driver.picture() != still, "W does not fly");
-}
-
-#[test]
-fn a_picture_comes_to_rest_without_a_step() {
-    let mut driver = Driver::cornell();
-    driver.picture();
     driver.press(Key::W);
     let read = |driver: &Driver| {
         let texture = driver.viewer.picture().expect("a scene is on show");
@@ -189,15 +181,13 @@ fn a_picture_comes_to_rest_without_a_step() {
         pictures.push(read(&driver));
     }
     let at_rest = driver.picture();
+    assert!(at_rest != still, "W does not fly");
     let way = apart(&pictures[0], &at_rest);
     let steps: Vec<_> = pictures.windows(2).map(|pair| apart(&pair[0], &pair[1])).collect();
     let largest = steps.iter().copied().fold(0.0, f64::max);
     assert!(way > 0.0 && largest < 0.25 * way, "{way} in all, in steps of {steps:?}");
-}
 
-#[test]
-fn a_scene_that_cannot_be_read_is_told_and_the_old_one_stays() {
-    let mut driver = Driver::cornell();
+    // A scene that cannot be read is told, and the old one stays.
     driver.viewer.open("no/such/room.glb");
     driver.settle();
     let messages: Vec<_> = driver.viewer.messages().collect();
