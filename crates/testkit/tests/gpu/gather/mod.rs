@@ -81,6 +81,7 @@ impl Picture {
             forward_ws: forward.into(),
             size_px: size,
             radiance_scale: RADIANCE_SCALE,
+            gathers: 1,
             ..Zeroable::zeroed()
         };
         let shown = |i: u32| {
