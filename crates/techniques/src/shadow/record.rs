@@ -316,25 +316,17 @@ impl ShadowMaps {
             draw_view(view, clamps)
         };
         let rendered = room.rendered.get(&[self.id, scene.id()]);
-        let poses = rendered.map_or(2, |rendered| scene.motion.generation().wrapping_sub(rendered.pose));
-        let casters_moved = |view: &ShadowView| match poses {
-            0 => false,
-            1 => {
-                let view = draw(view);
-                scene
-                    .motion
-                    .moved_bounds_ws()
-                    .any(|(lo, hi)| view.sees(0.5 * (lo + hi), 0.5 * lo.distance(hi)))
-            }
-            _ => true,
-        };
+        let motion = &scene.motion;
         // Whatever moves may change what is in the picture, and with it the fit.
-        let refit = poses != 0 || rendered.is_none_or(|rendered| rendered.views.fitted != views.fitted);
+        let refit = rendered.is_none_or(|rendered| {
+            rendered.pose != motion.generation() || rendered.views.fitted != views.fitted
+        });
         let is_fitted = |layer: u32| views.fitted.iter().any(|sun| sun.holds(layer));
         let moved = (0..).zip(&views.views).filter(|&(layer, view)| {
-            rendered.is_none_or(|rendered| rendered.views.views.get(layer as usize) != Some(view))
-                || casters_moved(view)
-                || refit && is_fitted(layer)
+            rendered.is_none_or(|rendered| {
+                rendered.views.views.get(layer as usize) != Some(view)
+                    || draw(view).sees_moved(motion, rendered.pose)
+            }) || refit && is_fitted(layer)
         });
         let (fitted, known): (Vec<u32>, Vec<u32>) =
             moved.map(|(layer, _)| layer).partition(|&layer| is_fitted(layer));

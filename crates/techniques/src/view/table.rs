@@ -12,6 +12,8 @@ use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Binding, Buffer, Frame, Gpu, Life};
 use glam::{Mat4, Vec3, Vec4, Vec4Swizzles};
 
+use crate::scene::motion::SceneMotion;
+
 /// Views of one batch at most; twin of the shaders' arrays.
 pub const MAX_VIEWS: usize = 64;
 
@@ -118,6 +120,15 @@ impl ViewData {
             return false;
         }
         self.planes.iter().all(|&[x, y, z, w]| Vec3::new(x, y, z).dot(center) + w > -radius)
+    }
+
+    /// Whether anything that may be seen has moved since a pose of this number; of poses before the last nobody knows.
+    pub(crate) fn sees_moved(&self, motion: &SceneMotion, pose: u64) -> bool {
+        match motion.generation().wrapping_sub(pose) {
+            0 => false,
+            1 => motion.moved_bounds_ws().any(|(lo, hi)| self.sees(0.5 * (lo + hi), 0.5 * lo.distance(hi))),
+            _ => true,
+        }
     }
 }
 

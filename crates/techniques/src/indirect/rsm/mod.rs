@@ -214,7 +214,7 @@ impl Rsm {
         let drawn = room.drawn.get(&[self.id, scene.id()]);
         let rests = |number: usize, view: &RsmView| {
             let has = drawn.and_then(|drawn| drawn.get(number)?.as_ref());
-            has.is_some_and(|has| has.view.shows_as(view) && !moves(scene, has.pose, &view.draw))
+            has.is_some_and(|has| has.view.shows_as(view) && !view.draw.sees_moved(&scene.motion, has.pose))
         };
         let mut due: Vec<usize> = (0..views.len()).filter(|&number| !rests(number, &views[number])).collect();
         // What was drawn longest ago comes first.
@@ -287,13 +287,4 @@ impl Rsm {
 pub fn bytes(views: &[RsmView]) -> u64 {
     let tiles = views.first().map_or(0, |view| u64::from(view.data.tiles));
     4 * tiles * (1 + 4 * u64::from(TILE * TILE))
-}
-
-/// Whether anything that a view sees has moved since a pose.
-fn moves(scene: &SceneGpu, pose: u64, view: &ViewData) -> bool {
-    match scene.motion.generation().wrapping_sub(pose) {
-        0 => false,
-        1 => scene.motion.moved_bounds_ws().any(|(lo, hi)| view.sees(0.5 * (lo + hi), 0.5 * lo.distance(hi))),
-        _ => true,
-    }
 }
