@@ -71,7 +71,7 @@ pub(crate) struct VplInputs<'a> {
 
 impl IndirectPlan {
     /// Views to be drawn, for the table.
-    pub fn draws(&self) -> Vec<ViewData> {
+    pub fn draws(&self) -> impl ExactSizeIterator<Item = ViewData> {
         self.rsm.draws()
     }
 

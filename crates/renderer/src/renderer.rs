@@ -1,5 +1,7 @@
 //! The renderer: passes for the current settings, and what a frame needs to be prepared.
 
+use std::iter;
+
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::{Frame, Gpu, GroupLayout, TexturePool};
 use chiaro_scene::Scene;
@@ -344,8 +346,9 @@ impl Renderer {
             .then(|| rooms.indirect.plan((gpu, &self.pool), (passes, scene), settings, &wanted))
             .transpose()?;
         state.notes.extend(indirect.as_ref().and_then(|plan| plan.note.clone()));
-        let reflective = indirect.as_ref().map_or_else(Vec::new, IndirectPlan::draws);
-        rooms.views.set(gpu, &[&[camera], &reflective[..], known].concat(), fitted, at_once);
+        let reflective = indirect.iter().flat_map(IndirectPlan::draws);
+        let first: Vec<_> = iter::once(camera).chain(reflective).chain(known.iter().copied()).collect();
+        rooms.views.set(gpu, &first, fitted, at_once);
         // As many as may ever be culled together, so that frames do not allocate when more maps are drawn.
         let reflective = indirect.as_ref().map_or(0, IndirectPlan::views);
         let together = at_once.min(1 + reflective + shadow_views.views.len());

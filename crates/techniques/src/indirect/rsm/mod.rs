@@ -95,8 +95,8 @@ pub struct RsmPlan {
 
 impl RsmPlan {
     /// The views to be drawn.
-    pub fn draws(&self) -> Vec<ViewData> {
-        self.drawn.iter().map(|&number| self.views[number].draw).collect()
+    pub fn draws(&self) -> impl ExactSizeIterator<Item = ViewData> {
+        self.drawn.iter().map(|&number| self.views[number].draw)
     }
 
     /// Tiles of all maps.
