@@ -198,9 +198,9 @@ impl Renderer {
         Ok(loaded)
     }
 
-    /// Gives a scene what the settings need of it beyond its upload, trees for rays and points for imperfect shadow maps, and compiles what it needs beyond earlier
-    /// scenes. After [`Renderer::set`] has turned rays on, where [`LoadedScene::upload`] was called by hand, and where
-    /// [`LoadedScene::trees_are_due`]; waits for all.
+    /// Gives a scene what the settings need of it beyond its upload, trees for rays and points for imperfect shadow maps, and
+    /// compiles what it needs beyond earlier scenes. After [`Renderer::set`] has turned rays on, where
+    /// [`LoadedScene::upload`] was called by hand, and where [`LoadedScene::trees_are_due`]; waits for all.
     ///
     /// # Errors
     /// When the trees do not fit the adapter, or a shader does not compile.
@@ -217,8 +217,8 @@ impl Renderer {
     ///
     /// # Errors
     /// When the picture has no pixels, or more to a side than the adapter can do; when the view is not finite; when the
-    /// scene lacks trees that settings shoot rays through or points that they draw, or needs passes that are not compiled: [`Renderer::equip`] sees
-    /// to both.
+    /// scene lacks trees that settings shoot rays through or points that they draw, or needs passes that are not compiled:
+    /// [`Renderer::equip`] sees to both.
     pub fn prepare<'a>(
         &'a self,
         state: &'a mut ViewState,
