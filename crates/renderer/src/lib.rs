@@ -54,6 +54,7 @@
 
 pub mod alone;
 mod canvas;
+mod checks;
 pub mod environment;
 mod error;
 mod indirect;

@@ -15,10 +15,10 @@ use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::shadow::{CameraView, FitInputs, ShadowPlan, ShadowViews, fit};
 use chiaro_techniques::view::ViewData;
 use chiaro_techniques::view::culling::{Culling, ListRoom};
-use chiaro_techniques::view::raster::ComputeRaster;
-use chiaro_techniques::{Kit, caustics, shaders};
-use glam::{Mat4, Vec2, Vec3};
+use chiaro_techniques::{Kit, shaders};
+use glam::{Vec2, Vec3};
 
+use crate::checks::{check_settings, check_size, check_view};
 use crate::indirect::{IndirectPlan, Wanted};
 use crate::moving::{Look, Moves, Sampling};
 use crate::passes::{Missing, Passes};
@@ -26,7 +26,7 @@ use crate::pipelines::{FrameInputs, FrameOutputs, record};
 use crate::plan::{Built, Plan};
 use crate::still_passes::StillPasses;
 use crate::view_state::{Histories, Rooms};
-use crate::{Error, LoadedScene, Pipeline, Settings, Trees, View, ViewState};
+use crate::{Error, LoadedScene, Settings, Trees, View, ViewState};
 
 /// Renders scenes with the techniques that [`Settings`] choose.
 ///
@@ -89,7 +89,7 @@ impl Renderer {
 
     fn with(kit: Kit, settings: Settings, facts: SceneFacts) -> Result<Self, Error> {
         let resolved = settings.resolved(&kit.gpu);
-        check(&kit.gpu, &resolved)?;
+        check_settings(&kit.gpu, &resolved)?;
         let passes = Missing::of(None, &resolved, facts).compile(&kit)?;
         let Some(passes) = passes.into_passes() else { unreachable!("everything was missing") };
         kit.gpu.check()?;
@@ -122,7 +122,7 @@ impl Renderer {
     /// When settings do not go together, or the adapter cannot do them.
     pub fn plan(&self, settings: Settings, facts: SceneFacts) -> Result<Plan, Error> {
         let resolved = settings.resolved(&self.kit.gpu);
-        check(&self.kit.gpu, &resolved)?;
+        check_settings(&self.kit.gpu, &resolved)?;
         let facts = self.facts.union(facts);
         let missing = Missing::of(Some(&self.passes), &resolved, facts);
         Ok(Plan::new(self.kit.clone(), settings, facts, self.generation, missing))
@@ -416,25 +416,6 @@ impl ViewState {
     }
 }
 
-/// Refuses pictures that no texture can hold.
-pub(crate) fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), Error> {
-    let most = gpu.limits.max_texture_dimension_2d;
-    if size.iter().any(|&side| side == 0 || side > most) {
-        return Err(Error::Size { size, most });
-    }
-    Ok(())
-}
-
-/// Whether the view has a matrix.
-pub(crate) fn check_view(view: &View, size_px: [u32; 2]) -> Result<(), Error> {
-    let matrices = [view.clip_from_ws(size_px, Vec2::ZERO), view.relative_from_clip(size_px, Vec2::ZERO)];
-    if matrices.iter().all(Mat4::is_finite) {
-        return Ok(());
-    }
-    let problem = "is not finite: see the view's place, angle and near plane";
-    Err(Error::Matrix { matrix: "clip_from_world", problem })
-}
-
 /// How much sky the eye sees; looked up again only when it moved.
 fn sky_view(history: &mut Histories, scene: &LoadedScene, eye_ws: Vec3) -> SkyView {
     let key = (scene.gpu.id(), eye_ws.as_dvec3() + scene.gpu.motion.origin());
@@ -453,44 +434,6 @@ fn gear_up(gpu: &Gpu, settings: &Settings, (scene, loaded): (&Scene, &mut Loaded
     }
     if let Some(options) = settings.points().filter(|_| loaded.lacks_points(settings)) {
         loaded.give_points(PointData::build(scene, loaded.pose(), options));
-    }
-    Ok(())
-}
-
-fn check(gpu: &Gpu, settings: &Settings) -> Result<(), Error> {
-    let settings = &settings.effective();
-    let msaa = settings.surface.msaa.samples();
-    let offered = gpu.sample_counts();
-    if settings.pipeline == Pipeline::Forward && !offered.contains(&msaa) {
-        let offered: Vec<_> = offered.iter().map(ToString::to_string).collect();
-        return Err(Error::Combination(format!(
-            "surface.msaa = {msaa}: {} offers {}",
-            gpu.info.name,
-            offered.join(", ")
-        )));
-    }
-    if let Some(reason) = settings.shadow.refused() {
-        return Err(Error::Combination(reason));
-    }
-    if settings.shadow.transmission_tint && settings.caustics.technique != caustics::Technique::None {
-        return Err(Error::Combination(
-            "shadow.transmission_tint does not go with caustics: both would bring the light that glass lets through; \
-             take shadow.transmission_tint = false or caustics.technique = none"
-                .into(),
-        ));
-    }
-    let side = settings.shadow.resolution;
-    if settings.shadow.computes_maps() && ComputeRaster::views_at_once(gpu, [side; 2]) == 0 {
-        return Err(Error::Combination(format!(
-            "shadow.resolution = {side} is more than shadow.raster = compute can do on {}",
-            gpu.info.name
-        )));
-    }
-    if side > gpu.limits.max_texture_dimension_2d {
-        return Err(Error::Combination(format!(
-            "shadow.resolution = {side} is more than {} allows ({})",
-            gpu.info.name, gpu.limits.max_texture_dimension_2d
-        )));
     }
     Ok(())
 }

@@ -3,9 +3,9 @@
 use chiaro_gpu::{Frame, Readback, Recorder};
 use chiaro_techniques::post::{Aov, AovPass, Display, Sum};
 
+use crate::checks::check_size;
 use crate::jitter::Jitter;
 use crate::left::Wanted;
-use crate::renderer::check_size;
 use crate::still_passes::StillPasses;
 use crate::{Error, FrameOutputs, LeftOver, LoadedScene, Renderer, Sampling, View, ViewState};
 

@@ -9,7 +9,7 @@ use chiaro_techniques::light;
 use chiaro_techniques::shadow::ShadowSettings;
 use glam::{Affine3A, Vec2};
 
-use crate::renderer::{check_size, check_view};
+use crate::checks::{check_size, check_view};
 use crate::{Error, View};
 
 /// What a program's shaders look shadows up with: text, and the bind group that it reads.

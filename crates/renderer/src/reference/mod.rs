@@ -25,8 +25,8 @@ pub use options::{Integrator, ReferenceOptions, Shard};
 
 use frame::{sky, write_frame};
 
+use crate::checks::{check_size, check_view};
 use crate::loaded::WHITE_STORED;
-use crate::renderer::{check_size, check_view};
 use crate::{Error, Kit, LoadedScene, Settings, View};
 
 /// Samples that share light paths: enough for lanes to balance long paths with short ones; where nothing is gathered within
