@@ -181,7 +181,7 @@ fn a_wall_stops_a_lamp_s_light_from_its_back_until_it_is_moved_away() {
         normals: &texture(&gpu, TextureFormat::Rgba8Snorm, size, &normals),
         albedo: None,
     };
-    let mut indirect = IndirectLight::new(&gpu, small(Technique::Rsm), &scene).unwrap();
+    let mut indirect = IndirectLight::new(&gpu, small(Technique::Traced), &scene).unwrap();
     let lamps = lamps(&scene);
     let brightest = |image: &Image| image.pixels().iter().map(|[r, ..]| *r).fold(0.0, f32::max);
     let covered = brightest(&light(&mut indirect, &gpu, &lamps, &drawn));
