@@ -160,13 +160,26 @@ impl Texture {
 
     /// A host program's texture as an attachment: one layer's first mip, through a view of the host's in this format.
     pub fn of_host(name: &'static str, view: &wgpu::TextureView, format: wgpu::TextureFormat) -> Self {
+        Self::hosted((name, Life::Frame), view, format)
+    }
+
+    /// A host program's texture as shaders read it, through a view of the host's: what is in it, the host has drawn before.
+    pub fn read_of_host(name: &'static str, view: &wgpu::TextureView) -> Self {
+        Self::hosted((name, Life::Kept), view, view.texture().format())
+    }
+
+    fn hosted(
+        (name, life): (&'static str, Life),
+        view: &wgpu::TextureView,
+        format: wgpu::TextureFormat,
+    ) -> Self {
         let texture = view.texture();
         let options = TextureOptions::new(texture.width(), texture.height(), format, texture.usage());
         Self(Arc::new(TextureInner {
             id: next_id(),
             alive: Arc::default(),
             name,
-            life: Life::Frame,
+            life,
             options,
             texture: texture.clone(),
             view: view.clone(),

@@ -1,7 +1,8 @@
-//! Single techniques for programs that keep their own geometry, pipelines and shaders: WGSL text to add to a shader, and
-//! the bind group that it reads.
+//! Single techniques for programs that keep their own geometry, pipelines and shaders. Shadows are WGSL text to add to a shader,
+//! and the bind group that it reads; indirect light is a texture, made of depth, normals and albedo.
 
 mod group;
+mod indirect;
 mod traced;
 
 use std::ops::Deref;
@@ -20,6 +21,7 @@ use glam::{Affine3A, Mat4, Vec2, Vec3};
 use crate::{Error, View};
 
 pub use group::Snippet;
+pub use indirect::{DrawnSurfaces, IndirectLight};
 pub use traced::TracedShadows;
 
 /// Shadow maps of any number of lights, drawn by the program and looked up by its shaders.

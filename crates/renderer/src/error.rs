@@ -82,8 +82,8 @@ pub enum Error {
         /// What is wrong with it.
         problem: &'static str,
     },
-    /// Lights or bounds that shadows cannot be fitted to.
-    #[error("shadows cannot be fitted: {what} {problem}")]
+    /// Lights or bounds that nothing can be fitted to.
+    #[error("{what} {problem}")]
     Unfit {
         /// Which light, or the bounds.
         what: String,
@@ -93,6 +93,14 @@ pub enum Error {
     /// A texture that frames cannot be drawn to.
     #[error("frames cannot be drawn to this texture: {0}")]
     Target(String),
+    /// A texture of a host program that light cannot be found on.
+    #[error("the {texture} texture cannot be read: {problem}")]
+    Unread {
+        /// `depth`, `normals` or `albedo`.
+        texture: &'static str,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// A frame leaves nothing of that name that could be read.
     #[error("{problem}; a frame with these settings leaves {known}")]
     Nothing {

@@ -1,20 +1,44 @@
 //! Indirect light by virtual lights, as a frame makes it: their places, their shadows, and what they give the picture.
 
-use chiaro_gpu::{Frame, Gpu, Group, Texture, TexturePool};
+use chiaro_gpu::{Buffer, Frame, Gpu, Group, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
-use chiaro_techniques::indirect::gather::{GatherInputs, GatherRoom};
-use chiaro_techniques::indirect::ism::{IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
-use chiaro_techniques::indirect::pictures::{PictureInputs, PictureRoom};
-use chiaro_techniques::indirect::points::PointRoom;
-use chiaro_techniques::indirect::rsm::{self, RsmInputs, RsmPlan, RsmRoom, RsmView};
-use chiaro_techniques::indirect::vpls::{VplRoom, candidates};
+use chiaro_techniques::indirect::gather::{Gather, GatherInputs, GatherRoom};
+use chiaro_techniques::indirect::ism::{Ism, IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
+use chiaro_techniques::indirect::pictures::{PictureInputs, PictureRoom, Pictures};
+use chiaro_techniques::indirect::points::{PointData, PointRoom, Points};
+use chiaro_techniques::indirect::rsm::{self, Rsm, RsmInputs, RsmPlan, RsmRoom, RsmView};
+use chiaro_techniques::indirect::vpls::{VplRoom, Vpls, candidates};
 use chiaro_techniques::indirect::{IndirectSettings, VplSampling};
+use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::ShadowOutputs;
-use chiaro_techniques::view::culling::DrawLists;
-use chiaro_techniques::view::{SurfaceBuffer, ViewData, ViewTable};
+use chiaro_techniques::view::culling::{Culling, DrawLists};
+use chiaro_techniques::view::{Surfaces, ViewData, ViewTable};
 
-use crate::passes::Passes;
-use crate::{Error, LoadedScene, Settings};
+use crate::{Error, Settings};
+
+/// What makes it.
+#[derive(Clone, Copy)]
+pub(crate) struct IndirectPasses<'a> {
+    pub surfaces: &'a Surfaces,
+    pub culling: &'a Culling,
+    pub rsm: &'a Rsm,
+    pub vpls: &'a Vpls,
+    pub gather: &'a Gather,
+    // Where settings ask for imperfect shadow maps.
+    pub points: Option<&'a Points>,
+    pub ism: Option<&'a Ism>,
+    // Where something may ask for them.
+    pub pictures: Option<&'a Pictures>,
+}
+
+/// What lamps shine at, and what stands between virtual lights and what they light.
+#[derive(Clone, Copy)]
+pub(crate) struct LitScene<'a> {
+    pub gpu: &'a SceneGpu,
+    pub points: Option<&'a PointData>,
+    // The trees' words.
+    pub tracer: Option<&'a Buffer>,
+}
 
 /// What virtual lights and their shadows lie in, for one view.
 #[derive(Debug, Default)]
@@ -38,6 +62,8 @@ pub(crate) struct Wanted<'a> {
     pub share: f32,
     pub size_px: [u32; 2],
     pub pictures: bool,
+    // Whether see-through layers are gathered for, too.
+    pub layers: bool,
     // Whether what is late may wait.
     pub moves: bool,
 }
@@ -52,11 +78,12 @@ pub(crate) struct IndirectPlan {
     pub note: Option<String>,
 }
 
-/// Group 0 and the scene, and the plan of the frame.
+/// Group 0 and the scene, what makes light of it, and the plan of the frame.
 #[derive(Clone, Copy)]
 pub(crate) struct GatherAt<'a> {
     pub group: &'a Group,
-    pub scene: &'a LoadedScene,
+    pub passes: IndirectPasses<'a>,
+    pub scene: LitScene<'a>,
     pub plan: &'a IndirectPlan,
 }
 
@@ -64,9 +91,10 @@ pub(crate) struct GatherAt<'a> {
 pub(crate) struct VplInputs<'a> {
     pub at: GatherAt<'a>,
     pub shadows: &'a ShadowOutputs,
-    pub surface: &'a SurfaceBuffer,
-    // Where reflective shadow maps stand in the table of views, and what was culled with its first batch.
-    pub views: (&'a ViewTable, &'a DrawLists, u32),
+    // Depth and surface of the surface buffer.
+    pub seen: (&'a Texture, &'a Texture),
+    // Where reflective shadow maps stand in the table of views, and what was culled with its first batch, if any was.
+    pub views: (&'a ViewTable, Option<&'a DrawLists>, u32),
 }
 
 impl IndirectPlan {
@@ -89,7 +117,7 @@ const LEAST_RSM_SIDE: u32 = 16;
 /// The views of all lights, by as many texels a side as are asked for or fit; and what to tell of it.
 fn reflective_views(
     gpu: &Gpu,
-    scene: &LoadedScene,
+    scene: &SceneGpu,
     lights: &[LightData],
     settings: &IndirectSettings,
     candidates: u32,
@@ -98,7 +126,7 @@ fn reflective_views(
     let most = MOST_RSM_BYTES.min(gpu.limits.max_storage_buffer_binding_size);
     let mut side = wanted;
     loop {
-        let views = rsm::fit(lights, scene.gpu.bounds_ws, side, candidates);
+        let views = rsm::fit(lights, scene.bounds_ws, side, candidates);
         if rsm::bytes(&views) <= most || side / 2 < LEAST_RSM_SIDE {
             let note = (side < wanted).then(|| {
                 let count = views.len();
@@ -122,22 +150,19 @@ impl IndirectRooms {
     pub fn plan(
         &mut self,
         (gpu, pool): (&Gpu, &TexturePool),
-        (passes, scene): (&Passes, &LoadedScene),
+        (passes, scene): (IndirectPasses<'_>, LitScene<'_>),
         settings: &Settings,
         wanted: &Wanted<'_>,
     ) -> Result<IndirectPlan, Error> {
         let indirect = &settings.indirect;
         let evenly = if indirect.sampling == VplSampling::Halton { candidates(indirect) } else { 0 };
-        let (views, note) = reflective_views(gpu, scene, wanted.lights, indirect, evenly);
+        let (views, note) = reflective_views(gpu, scene.gpu, wanted.lights, indirect, evenly);
         let most = if wanted.moves { indirect.rsm_maps as usize } else { usize::MAX };
-        let Some(rsm) = passes.rsm.as_ref() else { return Err(Error::NoPasses) };
-        let of = (&scene.gpu, &*passes.surfaces);
-        let rsm = rsm.plan((gpu, pool), of, views, (most, indirect.rsm_cache), &mut self.rsm)?;
-        if let Some(vpls) = passes.vpls.as_ref() {
-            vpls.room(gpu, indirect, rsm.tiles(), &mut self.vpls);
-        }
+        let of = (scene.gpu, passes.surfaces);
+        let rsm = passes.rsm.plan((gpu, pool), of, views, (most, indirect.rsm_cache), &mut self.rsm)?;
+        passes.vpls.room(gpu, indirect, rsm.tiles(), &mut self.vpls);
         let mut atlases = 0;
-        match (passes.points.as_ref(), passes.ism.as_ref(), &scene.points) {
+        match (passes.points, passes.ism, scene.points) {
             (Some(points), Some(ism), Some(data)) if settings.points().is_some() => {
                 points.room(gpu, data, &mut self.points)?;
                 let plan = IsmPlan::new(gpu, indirect, indirect.vpls)?;
@@ -150,15 +175,13 @@ impl IndirectRooms {
             }
             _ => (self.points, self.ism) = (None, None),
         }
-        if let Some(gather) = passes.gather.as_ref() {
-            gather.room(gpu, pool, wanted.size_px, atlases, &mut self.gather);
-            if scene.gpu.see_through() {
-                gather.room(gpu, pool, wanted.size_px, atlases, &mut self.layer);
-            } else {
-                self.layer = None;
-            }
+        passes.gather.room(gpu, pool, wanted.size_px, atlases, &mut self.gather);
+        if wanted.layers {
+            passes.gather.room(gpu, pool, wanted.size_px, atlases, &mut self.layer);
+        } else {
+            self.layer = None;
         }
-        match passes.pictures.as_ref().filter(|_| wanted.pictures) {
+        match passes.pictures.filter(|_| wanted.pictures) {
             Some(pictures) => {
                 let has_points = self.points.is_some();
                 pictures.room((gpu, pool), wanted.size_px, &rsm, has_points, &mut self.pictures);
@@ -169,39 +192,31 @@ impl IndirectRooms {
     }
 
     /// Places virtual lights, draws their shadows and gathers their light.
-    pub fn record(
-        &mut self,
-        frame: &mut Frame<'_>,
-        (settings, passes): (&Settings, &Passes),
-        light: &VplInputs<'_>,
-    ) -> Texture {
+    pub fn record(&mut self, frame: &mut Frame<'_>, settings: &Settings, light: &VplInputs<'_>) -> Texture {
         let indirect = &settings.indirect;
-        let VplInputs { at, shadows, surface, views: (table, lists, first) } = *light;
-        let GatherAt { group, scene, plan } = at;
-        let (Some(rsm), Some(vpls)) = (passes.rsm.as_ref(), passes.vpls.as_ref()) else {
-            unreachable!("what is planned is compiled")
-        };
+        let VplInputs { at, shadows, seen, views: (table, lists, first) } = *light;
+        let GatherAt { group, passes, scene, plan } = at;
         let (Some(maps), Some(placed)) = (&mut self.rsm, &self.vpls) else {
             unreachable!("what is planned has room")
         };
         let drawn = RsmInputs {
             group,
-            scene: &scene.gpu,
-            surfaces: &passes.surfaces,
+            scene: scene.gpu,
+            surfaces: passes.surfaces,
             plan: &plan.rsm,
             table,
             first,
             lists,
-            culling: &passes.culling,
+            culling: passes.culling,
             shadows,
         };
-        rsm.record(frame, &drawn, maps);
+        passes.rsm.record(frame, &drawn, maps);
         let how = (indirect, settings.seed, plan.round);
-        vpls.record(frame, how, (group, surface), (&plan.rsm, maps), placed);
+        passes.vpls.record(frame, how, (group, seen), (&plan.rsm, maps), placed);
         if let (Some(points), Some(ism), Some(pool), Some(room), Some(data)) =
-            (passes.points.as_ref(), passes.ism.as_ref(), &mut self.points, &self.ism, &scene.points)
+            (passes.points, passes.ism, &mut self.points, &self.ism, scene.points)
         {
-            points.record(frame, &scene.gpu, pool);
+            points.record(frame, scene.gpu, pool);
             let (lo, hi) = scene.gpu.bounds_ws;
             let shadowed = IsmInputs {
                 points: &pool.points,
@@ -213,54 +228,57 @@ impl IndirectRooms {
             };
             ism.record(frame, indirect, &shadowed, room);
         }
-        if let (Some(pictures), Some(room)) = (passes.pictures.as_ref(), &self.pictures) {
+        if let (Some(pictures), Some(room)) = (passes.pictures, &self.pictures) {
             let shown = PictureInputs {
                 group,
-                surface,
+                seen,
                 maps: (&plan.rsm, maps),
                 vpls: placed,
                 points: self.points.as_ref(),
             };
             pictures.record(frame, &shown, room);
         }
-        self.gather(frame, (settings, passes), at, (&surface.depth, &surface.surface, &self.gather))
+        self.gather(frame, settings, at, (seen, &self.gather))
     }
 
     /// Gathers for a layer of see-through surfaces, where there is room for any.
     pub fn layer_gatherer<'a>(
         &'a self,
-        (settings, passes): (&'a Settings, &'a Passes),
+        settings: &'a Settings,
         at: Option<GatherAt<'a>>,
     ) -> Option<impl Fn(&mut Frame<'_>, &Texture, &Texture) -> Texture + 'a> {
         let at = at.filter(|_| self.layer.is_some())?;
         Some(move |frame: &mut Frame<'_>, depth: &Texture, surface: &Texture| {
-            self.gather(frame, (settings, passes), at, (depth, surface, &self.layer))
+            self.gather(frame, settings, at, ((depth, surface), &self.layer))
         })
     }
 
     fn gather(
         &self,
         frame: &mut Frame<'_>,
-        (settings, passes): (&Settings, &Passes),
+        settings: &Settings,
         at: GatherAt<'_>,
-        (depth, surface, room): (&Texture, &Texture, &Option<GatherRoom>),
+        ((depth, surface), room): ((&Texture, &Texture), &Option<GatherRoom>),
     ) -> Texture {
-        let (Some(gather), Some(room), Some(vpls)) = (passes.gather.as_ref(), room, &self.vpls) else {
-            unreachable!("what is planned has room")
-        };
+        let (Some(room), Some(vpls)) = (room, &self.vpls) else { unreachable!("what is planned has room") };
         let atlases: &[IsmAtlas] = self.ism.as_ref().map_or(&[], IsmRoom::atlases);
         let gathered = GatherInputs {
             group: at.group,
-            scene: Some(&at.scene.gpu),
+            scene: Some(at.scene.gpu),
             depth,
             surface,
             vpls: &vpls.vpls,
             vpl_count: &vpls.count,
             atlases,
-            tracer: at.scene.trees.as_ref().map(|trees| &trees.traced.words),
+            tracer: at.scene.tracer,
         };
         // Frames that are averaged have other virtual lights each: together as many as if each stood for less.
         let clamp = settings.indirect.clamp * at.plan.share;
-        gather.record(frame, &IndirectSettings { clamp, ..settings.indirect.clone() }, &gathered, room)
+        at.passes.gather.record(
+            frame,
+            &IndirectSettings { clamp, ..settings.indirect.clone() },
+            &gathered,
+            room,
+        )
     }
 }

@@ -9,6 +9,7 @@ use chiaro_techniques::light::{illuminance_scale, light_data};
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::Casters;
 
+use crate::indirect::LitScene;
 use crate::{Error, Settings, Trees};
 
 /// A scene on the GPU with its lights.
@@ -84,6 +85,15 @@ impl LoadedScene {
     /// How many of [`LoadedScene::lights`] are directional.
     pub fn directional(&self) -> usize {
         self.directional
+    }
+
+    /// What indirect light is made of.
+    pub(crate) fn lit(&self) -> LitScene<'_> {
+        LitScene {
+            gpu: &self.gpu,
+            points: self.points.as_ref(),
+            tracer: self.trees.as_ref().map(|trees| &trees.traced.words),
+        }
     }
 
     /// How everything stands now.
@@ -200,10 +210,14 @@ fn radiance_scale(
     let radiance = illuminance.fold(0.0, f32::max) / std::f32::consts::PI;
     let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
     let around = environment.map_or(0.0, |map| map.harmonics.mean.max_element());
-    let brightest = radiance.max(glow).max(around);
+    let peak = environment.map_or(0.0, |map| map.peak);
+    stored_per_nit(radiance.max(glow).max(around), peak)
+}
+
+/// Stored radiance per nit where white surfaces have as many nits as `brightest`, and the environment at most `peak`.
+pub(crate) fn stored_per_nit(brightest: f32, peak: f32) -> f32 {
     // Without any light 1 nit is as good as anything.
     let brightest = if brightest > 0.0 { brightest } else { WHITE_STORED };
-    let peak = environment.map_or(0.0, |map| map.peak);
     let white = (PEAK_STORED * brightest / peak.max(1e-30)).clamp(LEAST_WHITE_STORED, WHITE_STORED);
     (white / brightest).log2().round().clamp(-60.0, 60.0).exp2()
 }

@@ -19,6 +19,7 @@ use chiaro_techniques::view::culling::Culling;
 use chiaro_techniques::view::{MotionVectors, SurfaceKey, Surfaces};
 use chiaro_techniques::{Compiled, Kit, Pass};
 
+use crate::indirect::IndirectPasses;
 use crate::{Pipeline, Settings};
 
 /// What is compiled is declared once: a name, a pass, and its key by settings that leave nothing to the adapter and by what
@@ -108,6 +109,22 @@ passes! {
         settings.indirect.technique.makes_vpls().then_some(())
     };
     refit: Option<Refit> = |settings: &Settings, _| settings.shoots_rays().then_some(());
+}
+
+impl Passes {
+    /// Those of indirect light, where settings ask for virtual lights.
+    pub fn indirect(&self) -> Option<IndirectPasses<'_>> {
+        Some(IndirectPasses {
+            surfaces: &self.surfaces,
+            culling: &self.culling,
+            rsm: self.rsm.as_ref()?,
+            vpls: self.vpls.as_ref()?,
+            gather: self.gather.as_ref()?,
+            points: self.points.as_ref(),
+            ism: self.ism.as_ref(),
+            pictures: self.pictures.as_ref(),
+        })
+    }
 }
 
 /// What shaders that look up lights are compiled for.

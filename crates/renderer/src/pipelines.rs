@@ -170,13 +170,13 @@ fn deferred(
     let shadows = passes.shadows.record(frame, inputs.group, &shadow_inputs, shadow);
     let surface = passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface);
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
-    let gather_at = gathers_at(inputs);
+    let gather_at = gathers_at(passes, inputs);
     let bounced = gather_at.map(|at| {
-        let light =
-            VplInputs { at, shadows: &shadows, surface: &surface, views: (rooms.views, &lists, CAMERA + 1) };
-        indirect.record(frame, (settings, passes), &light)
+        let views = (rooms.views, Some(&lists), CAMERA + 1);
+        let light = VplInputs { at, shadows: &shadows, seen: (&surface.depth, &surface.surface), views };
+        indirect.record(frame, settings, &light)
     });
-    let gather_layer = indirect.layer_gatherer((settings, passes), gather_at);
+    let gather_layer = indirect.layer_gatherer(settings, gather_at);
     let gather_layer = gather_layer.as_ref().map(|gather| gather as GatherLayer<'_>);
     let irradiance = bounced.as_ref().unwrap_or(&rooms.light.no_irradiance);
     let light = LightInputs { shadows: &shadows, light_grid: &light_grid, irradiance };
@@ -216,13 +216,13 @@ fn forward(
     let surface =
         wants_surface.then(|| passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface));
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
-    let gather_at = gathers_at(inputs);
+    let gather_at = gathers_at(passes, inputs);
     let bounced = gather_at.zip(surface.as_ref()).map(|(at, surface)| {
-        let views = (rooms.views, &lists, CAMERA + 1);
-        let light = VplInputs { at, shadows: &shadows, surface, views };
-        indirect.record(frame, (settings, passes), &light)
+        let views = (rooms.views, Some(&lists), CAMERA + 1);
+        let light = VplInputs { at, shadows: &shadows, seen: (&surface.depth, &surface.surface), views };
+        indirect.record(frame, settings, &light)
     });
-    let gather_layer = indirect.layer_gatherer((settings, passes), gather_at);
+    let gather_layer = indirect.layer_gatherer(settings, gather_at);
     let gather_layer = gather_layer.as_ref().map(|gather| gather as GatherLayer<'_>);
     let irradiance = bounced.as_ref().unwrap_or(&rooms.light.no_irradiance);
     let light = LightInputs { shadows: &shadows, light_grid: &light_grid, irradiance };
@@ -239,9 +239,10 @@ fn forward(
 }
 
 /// Where virtual lights are gathered, if any are made.
-fn gathers_at<'a>(inputs: &FrameInputs<'a>) -> Option<GatherAt<'a>> {
-    let (group, scene) = (inputs.group.group(), inputs.scene);
-    inputs.indirect.map(|plan| GatherAt { group, scene, plan })
+fn gathers_at<'a>(passes: &'a Passes, inputs: &FrameInputs<'a>) -> Option<GatherAt<'a>> {
+    let (group, scene) = (inputs.group.group(), inputs.scene.lit());
+    let (plan, passes) = inputs.indirect.zip(passes.indirect())?;
+    Some(GatherAt { group, passes, scene, plan })
 }
 
 /// Lets geometry, and the trees over it, follow the scene's pose.

@@ -340,10 +340,14 @@ impl Renderer {
             share: if moves.is_some() { 1.0 } else { footprint_scale },
             size_px,
             pictures: state.wants_pictures,
+            layers: scene.gpu.see_through(),
             moves: moves.is_some(),
         };
         let indirect = gathers
-            .then(|| rooms.indirect.plan((gpu, &self.pool), (passes, scene), settings, &wanted))
+            .then(|| {
+                let made_by = passes.indirect().ok_or(Error::NoPasses)?;
+                rooms.indirect.plan((gpu, &self.pool), (made_by, scene.lit()), settings, &wanted)
+            })
             .transpose()?;
         state.notes.extend(indirect.as_ref().and_then(|plan| plan.note.clone()));
         let reflective = indirect.iter().flat_map(IndirectPlan::draws);

@@ -96,6 +96,15 @@ impl View {
     /// [`Error::Matrix`] when a number is not finite, the first matrix is more than a rotation and a translation, or the
     /// second is singular or none of a camera.
     pub fn from_matrices(view_from_world: Mat4, clip_from_view: Mat4, depth: Depth) -> Result<Self, Error> {
+        Self::of_host(view_from_world, clip_from_view, depth).map(|(view, _)| view)
+    }
+
+    /// The same, and the depth that the host's far plane has in chiaro's clip space.
+    pub(crate) fn of_host(
+        view_from_world: Mat4,
+        clip_from_view: Mat4,
+        depth: Depth,
+    ) -> Result<(Self, f32), Error> {
         let bad = |matrix, problem| Err(Error::Matrix { matrix, problem });
         let (view, clip) = ("view_from_world", "clip_from_view");
         for (name, matrix) in [(view, view_from_world), (clip, clip_from_view)] {
@@ -151,8 +160,10 @@ impl View {
             (Projection::Perspective { yfov_rad: 2.0 * (1.0 / b).atan() }, -Vec2::new(x.z, y.z))
         };
         let world_from_camera = view_from_world.inverse();
+        // A plane that rounding has put beyond infinity is there.
+        let far_depth = if orthographic { 0.0 } else { (near_m / far_m).max(0.0) };
         let far_m = if orthographic { far_m } else { DEFAULT_FAR_M };
-        Ok(Self { world_from_camera, projection, near_m, far_m, aspect: Some(b / a), axis_ndc })
+        Ok((Self { world_from_camera, projection, near_m, far_m, aspect: Some(b / a), axis_ndc }, far_depth))
     }
 
     /// A perspective camera at `eye` looking at `target`; `yfov_rad` from bottom to top.

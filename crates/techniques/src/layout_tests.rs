@@ -8,6 +8,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::indirect::Vpl;
+use crate::indirect::foreign::ForeignData;
 use crate::indirect::gather::GatherData;
 use crate::indirect::ism::IsmData;
 use crate::indirect::pictures::PictureData;
@@ -401,6 +402,8 @@ fn rust_structs_equal_their_wesl_twins() {
         discontinuity_depth,
         discontinuity_normal,
     );
+    let foreign = &linked("indirect/foreign/surface.cs.wesl");
+    same!(foreign, ForeignData, "ForeignData", far_depth, is_standard, is_biased, reserved);
     let instances = &linked("scene/motion/instances.cs.wesl");
     same!(instances, InstanceMove, "InstanceMove", world_from_object, max_scale, flags, instance, reserved);
     same!(

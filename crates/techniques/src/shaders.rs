@@ -44,6 +44,8 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("environment/prefilter.cs.wesl"),
     shader!("environment/project.cs.wesl"),
     shader!("frame/frame.wesl"),
+    shader!("indirect/foreign/radiance.cs.wesl"),
+    shader!("indirect/foreign/surface.cs.wesl"),
     shader!("indirect/gather/discontinuity.cs.wesl"),
     shader!("indirect/gather/edges.cs.wesl"),
     shader!("indirect/gather/gather.cs.wesl"),
@@ -174,6 +176,8 @@ pub fn library() -> Library {
 /// every entry file stands here.
 pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
+        "indirect/foreign/radiance.cs.wesl",
+        "indirect/foreign/surface.cs.wesl",
         "indirect/gather/discontinuity.cs.wesl",
         "indirect/gather/edges.cs.wesl",
         "indirect/gather/gaussian.cs.wesl",

@@ -148,7 +148,7 @@ fn frame(gpu: &Gpu) -> Buffer {
     Buffer::new(gpu, "frame", Life::Kept, size_of::<FrameData>() as u64, usage)
 }
 
-fn frame_data(view: &View, size_px: [u32; 2], settings: &ShadowSettings) -> FrameData {
+pub(super) fn frame_data(view: &View, size_px: [u32; 2], settings: &ShadowSettings) -> FrameData {
     FrameData {
         clip_from_ws: view.clip_from_ws(size_px, Vec2::ZERO).to_cols_array_2d(),
         relative_from_clip: view.relative_from_clip(size_px, Vec2::ZERO).to_cols_array_2d(),

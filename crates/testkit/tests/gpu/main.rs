@@ -15,6 +15,7 @@ mod gather;
 mod ggx_sun;
 mod goldens;
 mod host;
+mod indirect_alone;
 mod ism;
 mod light_paths;
 mod lights;

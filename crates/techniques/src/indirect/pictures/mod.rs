@@ -36,7 +36,6 @@ use chiaro_gpu::{
 use super::points::PointRoom;
 use super::rsm::{RsmPlan, RsmRoom};
 use super::vpls::VplRoom;
-use crate::view::SurfaceBuffer;
 use crate::{Kit, Pass, shaders};
 
 const POINTS: ViewHint =
@@ -113,8 +112,8 @@ pub struct PictureRoom {
 pub struct PictureInputs<'a> {
     /// Group 0.
     pub group: &'a Group,
-    /// Where the camera looks.
-    pub surface: &'a SurfaceBuffer,
+    /// Where the camera looks: depth and surface of the surface buffer.
+    pub seen: (&'a Texture, &'a Texture),
     /// Reflective shadow maps.
     pub maps: (&'a RsmPlan, &'a RsmRoom),
     /// Virtual lights that were placed in them.
@@ -188,7 +187,7 @@ impl Pictures {
 
     /// Draws all; after what they show.
     pub fn record(&self, frame: &mut Frame<'_>, inputs: &PictureInputs<'_>, room: &PictureRoom) {
-        let PictureInputs { group, surface, maps: (plan, maps), vpls, points } = *inputs;
+        let PictureInputs { group, seen: (depth, surface), maps: (plan, maps), vpls, points } = *inputs;
         let Cells { columns, side: cell, step, .. } = room.cells;
         let data = PictureData {
             points: points.map_or(0, |points| points.count),
@@ -202,7 +201,7 @@ impl Pictures {
         };
         frame.upload(&room.uniform, &[data]);
         let picture: Bind<'_> = ("picture", (&room.uniform).into());
-        let (depth, surface) = (("depth", (&surface.depth).into()), ("surface", (&surface.surface).into()));
+        let (depth, surface) = (("depth", depth.into()), ("surface", surface.into()));
         let marks: Bind<'_> = ("marks", (&room.marks).into());
         let groups = &[group];
         let resolve = |frame: &mut Frame<'_>, name, to: &Texture| {

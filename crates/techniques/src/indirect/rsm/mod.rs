@@ -120,8 +120,8 @@ pub struct RsmInputs<'a> {
     pub table: &'a ViewTable,
     /// See `table`.
     pub first: u32,
-    /// What was culled with the table's first batch.
-    pub lists: &'a DrawLists,
+    /// What was culled with the table's first batch, if any was.
+    pub lists: Option<&'a DrawLists>,
     /// Culls the other batches.
     pub culling: &'a Culling,
     /// What stops light.
@@ -236,8 +236,8 @@ impl Rsm {
             if drawn.is_empty() {
                 continue;
             }
-            let lists = if *batch == inputs.lists.views {
-                inputs.lists.clone()
+            let lists = if let Some(lists) = inputs.lists.filter(|lists| lists.views == *batch) {
+                lists.clone()
             } else if let Some(lists) = &room.lists {
                 inputs.culling.record(frame, scene, table, batch.clone(), lists)
             } else {

@@ -30,13 +30,13 @@
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{
-    Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, Life, Mapping, ViewHint, parallel,
+    Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, Life, Mapping, Texture, ViewHint,
+    parallel,
 };
 
 use super::rsm::{RsmPlan, RsmRoom};
 use super::settings::{IndirectSettings, VplSampling};
 use super::vpl::Vpl;
-use crate::view::SurfaceBuffer;
 use crate::{Kit, Pass, shaders};
 
 const SUMS: ViewHint = ViewHint::new("Flux of reflective shadow maps up to each tile", Mapping::Number);
@@ -158,12 +158,12 @@ impl Vpls {
         })
     }
 
-    /// Chooses virtual lights from the maps. `round` counts the frames of a still: each goes on where the one before ended.
+    /// Chooses virtual lights from the maps, for what a surface buffer's depth and surface show. `round` counts the frames of a still: each goes on where the one before ended.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         (settings, seed, round): (&IndirectSettings, u32, u32),
-        (group, surface): (&Group, &SurfaceBuffer),
+        (group, (depth, surface)): (&Group, (&Texture, &Texture)),
         (plan, maps): (&RsmPlan, &RsmRoom),
         room: &VplRoom,
     ) {
@@ -199,13 +199,7 @@ impl Vpls {
         let mut chosen_by = ("worths", sums.1);
         if settings.sampling == VplSampling::View {
             chosen_by = worths;
-            let binds = [
-                sampling,
-                ("depth", (&surface.depth).into()),
-                ("surface", (&surface.surface).into()),
-                candidates,
-                worths,
-            ];
+            let binds = [sampling, ("depth", depth.into()), ("surface", surface.into()), candidates, worths];
             frame.compute("indirect/vpl_weigh", &self.weigh, &[group], &binds, each);
         }
         let binds = [
