@@ -1,7 +1,8 @@
 //! Indirect light by virtual lights, as a frame makes it: their places, their shadows, and what they give the picture.
 
-use chiaro_gpu::{Frame, Gpu, Group, Texture, TexturePool};
+use chiaro_gpu::{Buffer, Frame, Gpu, Group, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
+use chiaro_techniques::indirect::compensate::{CompensateInputs, CompensateRoom};
 use chiaro_techniques::indirect::gather::{GatherInputs, GatherRoom};
 use chiaro_techniques::indirect::ism::{IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
 use chiaro_techniques::indirect::pictures::{PictureInputs, PictureRoom};
@@ -23,6 +24,7 @@ pub(crate) struct IndirectRooms {
     rsm: Option<RsmRoom>,
     vpls: Option<VplRoom>,
     ism: Option<IsmRoom>,
+    compensate: Option<CompensateRoom>,
     gather: Option<GatherRoom>,
     // Of see-through layers.
     layer: Option<GatherRoom>,
@@ -64,6 +66,7 @@ pub(crate) struct GatherAt<'a> {
 pub(crate) struct VplInputs<'a> {
     pub at: GatherAt<'a>,
     pub shadows: &'a ShadowOutputs,
+    pub light_grid: &'a Buffer,
     pub surface: &'a SurfaceBuffer,
     // Where reflective shadow maps stand in the table of views, and what was culled with its first batch.
     pub views: (&'a ViewTable, &'a DrawLists, u32),
@@ -73,6 +76,12 @@ impl IndirectPlan {
     /// Views to be drawn, for the table.
     pub fn draws(&self) -> Vec<ViewData> {
         self.rsm.draws()
+    }
+
+    /// With the bound of this frame: frames that are averaged have other virtual lights each, together as many as if each
+    /// stood for less.
+    fn bounded(&self, settings: &IndirectSettings) -> IndirectSettings {
+        IndirectSettings { clamp: settings.clamp * self.share, ..settings.clone() }
     }
 
     /// All views that there are.
@@ -150,6 +159,12 @@ impl IndirectRooms {
             }
             _ => (self.points, self.ism) = (None, None),
         }
+        match passes.compensate.as_ref().filter(|_| indirect.compensates()) {
+            Some(compensate) => {
+                compensate.room(gpu, pool, wanted.size_px, &mut self.compensate);
+            }
+            None => self.compensate = None,
+        }
         if let Some(gather) = passes.gather.as_ref() {
             gather.room(gpu, pool, wanted.size_px, atlases, &mut self.gather);
             if scene.gpu.see_through() {
@@ -176,7 +191,7 @@ impl IndirectRooms {
         light: &VplInputs<'_>,
     ) -> Texture {
         let indirect = &settings.indirect;
-        let VplInputs { at, shadows, surface, views: (table, lists, first) } = *light;
+        let VplInputs { at, shadows, light_grid, surface, views: (table, lists, first) } = *light;
         let GatherAt { group, scene, plan } = at;
         let (Some(rsm), Some(vpls)) = (passes.rsm.as_ref(), passes.vpls.as_ref()) else {
             unreachable!("what is planned is compiled")
@@ -223,7 +238,16 @@ impl IndirectRooms {
             };
             pictures.record(frame, &shown, room);
         }
-        self.gather(frame, (settings, passes), at, (&surface.depth, &surface.surface, &self.gather))
+        let SurfaceBuffer { depth, surface, .. } = surface;
+        let mut given_back = None;
+        if let (Some(compensate), Some(room)) = (passes.compensate.as_ref(), &self.compensate) {
+            let vpl_count = &placed.count;
+            let scene = &scene.gpu;
+            let shown = CompensateInputs { group, scene, depth, surface, shadows, light_grid, vpl_count };
+            compensate.record(frame, (&plan.bounded(indirect), plan.round), &shown, room);
+            given_back = Some(room.given_back());
+        }
+        self.gather(frame, (settings, passes), at, (depth, surface, &self.gather), given_back)
     }
 
     /// Gathers for a layer of see-through surfaces, where there is room for any.
@@ -234,7 +258,7 @@ impl IndirectRooms {
     ) -> Option<impl Fn(&mut Frame<'_>, &Texture, &Texture) -> Texture + 'a> {
         let at = at.filter(|_| self.layer.is_some())?;
         Some(move |frame: &mut Frame<'_>, depth: &Texture, surface: &Texture| {
-            self.gather(frame, (settings, passes), at, (depth, surface, &self.layer))
+            self.gather(frame, (settings, passes), at, (depth, surface, &self.layer), None)
         })
     }
 
@@ -244,6 +268,7 @@ impl IndirectRooms {
         (settings, passes): (&Settings, &Passes),
         at: GatherAt<'_>,
         (depth, surface, room): (&Texture, &Texture, &Option<GatherRoom>),
+        given_back: Option<&Texture>,
     ) -> Texture {
         let (Some(gather), Some(room), Some(vpls)) = (passes.gather.as_ref(), room, &self.vpls) else {
             unreachable!("what is planned has room")
@@ -258,9 +283,8 @@ impl IndirectRooms {
             vpl_count: &vpls.count,
             atlases,
             tracer: at.scene.trees.as_ref().map(|trees| &trees.traced.words),
+            given_back,
         };
-        // Frames that are averaged have other virtual lights each: together as many as if each stood for less.
-        let clamp = settings.indirect.clamp * at.plan.share;
-        gather.record(frame, &IndirectSettings { clamp, ..settings.indirect.clone() }, &gathered, room)
+        gather.record(frame, &at.plan.bounded(&settings.indirect), &gathered, room)
     }
 }

@@ -172,8 +172,13 @@ fn deferred(
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
     let gather_at = gathers_at(inputs);
     let bounced = gather_at.map(|at| {
-        let light =
-            VplInputs { at, shadows: &shadows, surface: &surface, views: (rooms.views, &lists, CAMERA + 1) };
+        let light = VplInputs {
+            at,
+            shadows: &shadows,
+            light_grid: &light_grid,
+            surface: &surface,
+            views: (rooms.views, &lists, CAMERA + 1),
+        };
         indirect.record(frame, (settings, passes), &light)
     });
     let gather_layer = indirect.layer_gatherer((settings, passes), gather_at);
@@ -219,7 +224,7 @@ fn forward(
     let gather_at = gathers_at(inputs);
     let bounced = gather_at.zip(surface.as_ref()).map(|(at, surface)| {
         let views = (rooms.views, &lists, CAMERA + 1);
-        let light = VplInputs { at, shadows: &shadows, surface, views };
+        let light = VplInputs { at, shadows: &shadows, light_grid: &light_grid, surface, views };
         indirect.record(frame, (settings, passes), &light)
     });
     let gather_layer = indirect.layer_gatherer((settings, passes), gather_at);

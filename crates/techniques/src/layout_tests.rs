@@ -8,6 +8,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::indirect::Vpl;
+use crate::indirect::compensate::CompensateData;
 use crate::indirect::gather::GatherData;
 use crate::indirect::ism::IsmData;
 use crate::indirect::pictures::PictureData;
@@ -400,6 +401,18 @@ fn rust_structs_equal_their_wesl_twins() {
         filter_width,
         discontinuity_depth,
         discontinuity_normal,
+        compensates,
+        gives_back,
+        reserved0,
+        reserved1,
+    );
+    same!(
+        &linked("indirect/compensate/nearby.cs.wesl"),
+        CompensateData,
+        "CompensateData",
+        interleave,
+        clamp,
+        turn,
     );
     let instances = &linked("scene/motion/instances.cs.wesl");
     same!(instances, InstanceMove, "InstanceMove", world_from_object, max_scale, flags, instance, reserved);
