@@ -3,7 +3,7 @@
 use std::f32::consts::{FRAC_1_SQRT_2, PI};
 
 use chiaro::scene::Projection;
-use chiaro::{Aov, Settings, View};
+use chiaro::{Aov, Left, Renderer, Samples, Settings, StillOptions, View};
 use chiaro_image::Image;
 use chiaro_testkit::{Stage, Studio, device};
 use glam::{Mat3, Mat4, Vec2, Vec3};
@@ -74,12 +74,9 @@ fn mean(rows: &[(f32, f32)], from: f32, to: f32) -> f32 {
     near.iter().map(|(_, ratio)| ratio).sum::<f32>() / near.len() as f32
 }
 
-#[test]
-fn a_floor_gets_back_most_of_what_bounds_take_at_a_lit_wall_and_nothing_more() {
-    let gpu = device();
-    let stage = corner();
+/// Frames that are averaged share one bound, which this makes that of each frame: of discs of 0.4 m.
+fn bounded() -> Settings {
     let mut settings = Settings::default();
-    // Frames that are averaged share one bound, which this makes that of each frame: of discs of 0.4 m.
     for (key, value) in [
         ("environment.sky", "none"),
         ("shadow.layout", "none"),
@@ -90,6 +87,14 @@ fn a_floor_gets_back_most_of_what_bounds_take_at_a_lit_wall_and_nothing_more() {
     ] {
         settings.set(key, value).unwrap();
     }
+    settings
+}
+
+#[test]
+fn a_floor_gets_back_most_of_what_bounds_take_at_a_lit_wall_and_nothing_more() {
+    let gpu = device();
+    let stage = corner();
+    let mut settings = bounded();
     let mut studio = Studio::new(&gpu, settings.clone());
     let loaded = studio.load(&stage.scene);
     for sampling in ["view", "importance", "halton"] {
@@ -107,4 +112,32 @@ fn a_floor_gets_back_most_of_what_bounds_take_at_a_lit_wall_and_nothing_more() {
         let [far_off, far_on] = [&off, &on].map(|rows| mean(rows, 2.0, 3.5));
         assert!((far_on / far_off - 1.0).abs() < 0.02, "{sampling}: {far_off} became {far_on}");
     }
+}
+
+#[test]
+fn the_share_that_bounds_take_can_be_looked_at() {
+    let gpu = device();
+    let mut settings = bounded();
+    settings.set("indirect.clamp_loss", "true").unwrap();
+    settings.set("indirect.interleave", "1").unwrap();
+    let mut renderer = Renderer::new(&gpu, settings).unwrap();
+    let loaded = renderer.load(&corner().scene).unwrap();
+    let left = vec!["indirect/clamp_loss".to_owned()];
+    let options = StillOptions { size: [SIDE; 2], samples: SAMPLES, left, ..StillOptions::default() };
+    let mut still = renderer.still(&loaded, &view(), &options).unwrap();
+    let Left::Sum(sum) = still.left.remove(0).content else { panic!("frames are averaged") };
+    let Samples::Float(shares) = sum.wait(&gpu).unwrap().channels().swap_remove(0) else { panic!("numbers") };
+    let row = |y: u32| {
+        let row = &shares[(y * SIDE) as usize..][..SIDE as usize];
+        row.iter().sum::<f32>() / (SIDE * SAMPLES) as f32
+    };
+    let of = |from: f32, to: f32| {
+        let rows: Vec<_> = (0..SIDE).filter(|&y| (from..to).contains(&on_floor(0, y)[1])).map(row).collect();
+        rows.iter().sum::<f32>() / rows.len() as f32
+    };
+    let [near, far] = [of(0.1, 0.4), of(2.5, 3.0)];
+    assert!(
+        (0.2..0.9).contains(&near) && (0.0..0.1).contains(&far),
+        "{near} near the wall, {far} far from it"
+    );
 }

@@ -1,5 +1,46 @@
 //! Light that bounding virtual lights' nearness takes, given back by what the picture shows (Novák, Engelhardt & Dachsbacher
 //! 2011, "Screen-Space Bias Compensation for Interactive High-Quality Global Illumination with Virtual Point Lights").
+//!
+//! | step | reads | writes | by |
+//! | --- | --- | --- | --- |
+//! | radiosity | surface buffer, lamps by froxel, their shadows | `radiosity` | a lane a pixel |
+//! | given back | that, surface buffer, `vpl_count` | `given_back` | a lane a pixel |
+//!
+//! | output | format | unit |
+//! | --- | --- | --- |
+//! | `radiosity` | Rgba16Float: M / π, what the surface scatters on of the light of lamps, as reflective maps have it | nits · radiance scale |
+//! | `given_back` | Rgba16Float: irradiance / π, which gathering adds before it smooths | nits · radiance scale |
+//!
+//! # What is lost
+//! A VPL of flux Φ stands for a disc of radius r, so for the radiosity M = Φ / (π r²) around it. Bounded by b it gives its share of
+//! d² / (d² + b²) ([`super::gather`]), and over all sets of VPLs a place x loses what surfaces y send it of
+//!
+//! E = ∫ M / π · cos θ_x cos θ_y / d² · b² / (d² + b²) dA (Novák et al., eq. 5, whose bound is a least d²).
+//!
+//! That falls with d⁻⁴ beyond b: what is lost comes from near, mostly from what the picture shows. So that b is known at y
+//! without its VPLs, all are bounded as if they carried the same flux F, which is their mean by octaves
+//! ([`super::vpls`]): b² = clamp² F / (π M), by luminance. Where VPLs are placed by flux alone, that is each one's own disc.
+//! VPLs are lit by lamps alone, so M is of lamps' light alone, and once is enough: what is given back is not scattered on.
+//!
+//! # Estimate
+//! The integral over the picture's pixels has a density of 1 / ρ² around x, as many places in each octave of the distance ρ, because
+//! it is not known how near a corner is: ρ = 0.7 (H / 0.7)^((i + u) / 512) pixels, H the picture's height, at angles by the golden
+//! section. Of each square of n × n pixels every one takes another n²th of the 512, n² times as brightly, and gathering's filter
+//! takes their mean. A pixel shows an area A, the disc of which bounds d: cos θ_x cos θ_y A b² / ((d² + A / π) (d² + A / π + b²)).
+//!
+//! # Limits
+//! - What is out of the picture, or hidden in it, gives nothing back: light at an edge changes as what lights it leaves the picture.
+//! - Nothing stands between x and y: thin blockers, stairs and balustrades are shone through.
+//! - The last pixels before an edge get less than they lost, as places start at 0.7 pixels.
+//! - Places are few: single frames have faint bands along edges of surfaces that are seen from the side. Frames of a still look at
+//!   others each.
+//! - VPLs of less flux than F are bounded farther out than their own discs. See-through layers are bounded by discs, and get nothing
+//!   back.
+//!
+//! # Cost
+//! 1920 × 1080, 4 × 4: `radiosity` 20 bytes a pixel read and 8 written, and lamps with shadows as shading has them;
+//! 32 places a pixel of 28 bytes, 1.9 GB from caches, at about 10 TB/s 0.19 ms, and 66 M × 70 flop, 0.09 ms. Gathering reads 8
+//! bytes a pixel more. Room: 33 MB.
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};

@@ -16,7 +16,8 @@
 //! | --- | --- | --- |
 //! | depth, surface | of the surface buffer | |
 //! | VPLs | [`Vpl`](super::Vpl) | world, m, lm |
-//! | their number | u32, the first word of a uniform of 16 bytes or more | |
+//! | their number | u32, the first word of a uniform of 16 bytes or more; the second: see [`super::compensate`] | |
+//! | `given_back`, where there is any | Rgba16Float: irradiance / π | nits · radiance scale |
 //! | maps | [`IsmAtlas`], in the order of the VPLs | |
 //! | output: `irradiance` | Rgba16Float: irradiance / π, at most 65,000; log2 of the view depth, −60 on sky and unlit surfaces | nits · radiance scale; m |
 //! | `discontinuities` | R32Float: 1 on one, 0 elsewhere | |
