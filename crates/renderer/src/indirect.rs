@@ -2,6 +2,7 @@
 
 use chiaro_gpu::{Buffer, Frame, Gpu, Group, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
+use chiaro_techniques::indirect::compensate::{Compensate, CompensateInputs, CompensateRoom};
 use chiaro_techniques::indirect::gather::{Gather, GatherInputs, GatherRoom};
 use chiaro_techniques::indirect::ism::{Ism, IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
 use chiaro_techniques::indirect::pictures::{PictureInputs, PictureRoom, Pictures};
@@ -27,6 +28,8 @@ pub(crate) struct IndirectPasses<'a> {
     // Where settings ask for imperfect shadow maps.
     pub points: Option<&'a Points>,
     pub ism: Option<&'a Ism>,
+    // Where settings ask for it.
+    pub compensate: Option<&'a Compensate>,
     // Where something may ask for them.
     pub pictures: Option<&'a Pictures>,
 }
@@ -47,6 +50,7 @@ pub(crate) struct IndirectRooms {
     rsm: Option<RsmRoom>,
     vpls: Option<VplRoom>,
     ism: Option<IsmRoom>,
+    compensate: Option<CompensateRoom>,
     gather: Option<GatherRoom>,
     // Of see-through layers.
     layer: Option<GatherRoom>,
@@ -91,6 +95,8 @@ pub(crate) struct GatherAt<'a> {
 pub(crate) struct VplInputs<'a> {
     pub at: GatherAt<'a>,
     pub shadows: &'a ShadowOutputs,
+    // Where compensation may ask for it.
+    pub light_grid: Option<&'a Buffer>,
     // Depth and surface of the surface buffer.
     pub seen: (&'a Texture, &'a Texture),
     // Where reflective shadow maps stand in the table of views, and what was culled with its first batch, if any was.
@@ -101,6 +107,12 @@ impl IndirectPlan {
     /// Views to be drawn, for the table.
     pub fn draws(&self) -> impl ExactSizeIterator<Item = ViewData> {
         self.rsm.draws()
+    }
+
+    /// With the bound of this frame: frames that are averaged have other virtual lights each, together as many as if each
+    /// stood for less.
+    fn bounded(&self, settings: &IndirectSettings) -> IndirectSettings {
+        IndirectSettings { clamp: settings.clamp * self.share, ..settings.clone() }
     }
 
     /// All views that there are.
@@ -175,6 +187,12 @@ impl IndirectRooms {
             }
             _ => (self.points, self.ism) = (None, None),
         }
+        match passes.compensate.filter(|_| indirect.compensates()) {
+            Some(compensate) => {
+                compensate.room(gpu, pool, wanted.size_px, &mut self.compensate);
+            }
+            None => self.compensate = None,
+        }
         passes.gather.room(gpu, pool, wanted.size_px, atlases, &mut self.gather);
         if wanted.layers {
             passes.gather.room(gpu, pool, wanted.size_px, atlases, &mut self.layer);
@@ -194,7 +212,7 @@ impl IndirectRooms {
     /// Places virtual lights, draws their shadows and gathers their light.
     pub fn record(&mut self, frame: &mut Frame<'_>, settings: &Settings, light: &VplInputs<'_>) -> Texture {
         let indirect = &settings.indirect;
-        let VplInputs { at, shadows, seen, views: (table, lists, first) } = *light;
+        let VplInputs { at, shadows, light_grid, seen, views: (table, lists, first) } = *light;
         let GatherAt { group, passes, scene, plan } = at;
         let (Some(maps), Some(placed)) = (&mut self.rsm, &self.vpls) else {
             unreachable!("what is planned has room")
@@ -238,7 +256,17 @@ impl IndirectRooms {
             };
             pictures.record(frame, &shown, room);
         }
-        self.gather(frame, settings, at, (seen, &self.gather))
+        let mut given_back = None;
+        if let (Some(compensate), Some(room), Some(light_grid)) =
+            (passes.compensate, &self.compensate, light_grid)
+        {
+            let ((depth, surface), vpl_count) = (seen, &placed.count);
+            let scene = scene.gpu;
+            let shown = CompensateInputs { group, scene, depth, surface, shadows, light_grid, vpl_count };
+            compensate.record(frame, (&plan.bounded(indirect), plan.round), &shown, room);
+            given_back = Some(room.given_back());
+        }
+        self.gather(frame, settings, at, (seen, &self.gather), given_back)
     }
 
     /// Gathers for a layer of see-through surfaces, where there is room for any.
@@ -249,7 +277,7 @@ impl IndirectRooms {
     ) -> Option<impl Fn(&mut Frame<'_>, &Texture, &Texture) -> Texture + 'a> {
         let at = at.filter(|_| self.layer.is_some())?;
         Some(move |frame: &mut Frame<'_>, depth: &Texture, surface: &Texture| {
-            self.gather(frame, settings, at, ((depth, surface), &self.layer))
+            self.gather(frame, settings, at, ((depth, surface), &self.layer), None)
         })
     }
 
@@ -259,6 +287,7 @@ impl IndirectRooms {
         settings: &Settings,
         at: GatherAt<'_>,
         ((depth, surface), room): ((&Texture, &Texture), &Option<GatherRoom>),
+        given_back: Option<&Texture>,
     ) -> Texture {
         let (Some(room), Some(vpls)) = (room, &self.vpls) else { unreachable!("what is planned has room") };
         let atlases: &[IsmAtlas] = self.ism.as_ref().map_or(&[], IsmRoom::atlases);
@@ -271,14 +300,8 @@ impl IndirectRooms {
             vpl_count: &vpls.count,
             atlases,
             tracer: at.scene.tracer,
+            given_back,
         };
-        // Frames that are averaged have other virtual lights each: together as many as if each stood for less.
-        let clamp = settings.indirect.clamp * at.plan.share;
-        at.passes.gather.record(
-            frame,
-            &IndirectSettings { clamp, ..settings.indirect.clone() },
-            &gathered,
-            room,
-        )
+        at.passes.gather.record(frame, &at.plan.bounded(&settings.indirect), &gathered, room)
     }
 }

@@ -173,7 +173,8 @@ fn deferred(
     let gather_at = gathers_at(passes, inputs);
     let bounced = gather_at.map(|at| {
         let views = (rooms.views, Some(&lists), CAMERA + 1);
-        let light = VplInputs { at, shadows: &shadows, seen: (&surface.depth, &surface.surface), views };
+        let seen = (&surface.depth, &surface.surface);
+        let light = VplInputs { at, shadows: &shadows, light_grid: Some(&light_grid), seen, views };
         indirect.record(frame, settings, &light)
     });
     let gather_layer = indirect.layer_gatherer(settings, gather_at);
@@ -219,7 +220,8 @@ fn forward(
     let gather_at = gathers_at(passes, inputs);
     let bounced = gather_at.zip(surface.as_ref()).map(|(at, surface)| {
         let views = (rooms.views, Some(&lists), CAMERA + 1);
-        let light = VplInputs { at, shadows: &shadows, seen: (&surface.depth, &surface.surface), views };
+        let seen = (&surface.depth, &surface.surface);
+        let light = VplInputs { at, shadows: &shadows, light_grid: Some(&light_grid), seen, views };
         indirect.record(frame, settings, &light)
     });
     let gather_layer = indirect.layer_gatherer(settings, gather_at);

@@ -9,6 +9,7 @@ use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::indirect::Vpl;
 use crate::indirect::foreign::ForeignData;
+use crate::indirect::compensate::CompensateData;
 use crate::indirect::gather::GatherData;
 use crate::indirect::ism::IsmData;
 use crate::indirect::pictures::PictureData;
@@ -401,6 +402,18 @@ fn rust_structs_equal_their_wesl_twins() {
         filter_width,
         discontinuity_depth,
         discontinuity_normal,
+        compensates,
+        gives_back,
+        reserved0,
+        reserved1,
+    );
+    same!(
+        &linked("indirect/compensate/nearby.cs.wesl"),
+        CompensateData,
+        "CompensateData",
+        interleave,
+        clamp,
+        turn,
     );
     let foreign = &linked("indirect/foreign/surface.cs.wesl");
     same!(foreign, ForeignData, "ForeignData", far_depth, is_standard, is_biased, reserved);

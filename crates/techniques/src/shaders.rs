@@ -46,6 +46,8 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("frame/frame.wesl"),
     shader!("indirect/foreign/radiance.cs.wesl"),
     shader!("indirect/foreign/surface.cs.wesl"),
+    shader!("indirect/compensate/nearby.cs.wesl"),
+    shader!("indirect/compensate/radiosity.cs.wesl"),
     shader!("indirect/gather/discontinuity.cs.wesl"),
     shader!("indirect/gather/edges.cs.wesl"),
     shader!("indirect/gather/gather.cs.wesl"),
@@ -70,6 +72,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("indirect/points/update.cs.wesl"),
     shader!("indirect/rsm/light.cs.wesl"),
     shader!("indirect/rsm/rsm.wesl"),
+    shader!("indirect/rsm/scattered.wesl"),
     shader!("indirect/vpl.wesl"),
     shader!("indirect/vpls/choose.cs.wesl"),
     shader!("indirect/vpls/place.cs.wesl"),
@@ -178,6 +181,7 @@ pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
         "indirect/foreign/radiance.cs.wesl",
         "indirect/foreign/surface.cs.wesl",
+        "indirect/compensate/nearby.cs.wesl",
         "indirect/gather/discontinuity.cs.wesl",
         "indirect/gather/edges.cs.wesl",
         "indirect/gather/gaussian.cs.wesl",
@@ -236,7 +240,7 @@ pub fn permutations() -> Vec<Permutation> {
         }
     }
     for source in ShadowSource::ALL {
-        all.extend([aov(source), shadow_alone(source), rsm_light(source)]);
+        all.extend([aov(source), shadow_alone(source), rsm_light(source), radiosity(source)]);
         for a in [false, true] {
             all.extend([shade_layer(a, source), shade(a, source)]);
             all.extend([forward(a, false, source), forward(a, true, source)]);
@@ -349,6 +353,11 @@ pub fn ism_splat(teams: bool) -> Permutation {
 /// What a light's view shows as light that goes on.
 pub fn rsm_light(shadows: ShadowSource) -> Permutation {
     shadows.flags(Permutation::plain("indirect/rsm/light.cs.wesl"))
+}
+
+/// What the picture scatters on of the light of lamps.
+pub fn radiosity(shadows: ShadowSource) -> Permutation {
+    shadows.flags(Permutation::plain("indirect/compensate/radiosity.cs.wesl"))
 }
 
 /// Shadows for other programs.

@@ -62,7 +62,7 @@ impl IndirectLight {
     /// and compiles. Of the scene its meshes, nodes and materials count. `indirect.technique = auto` is `ism`.
     ///
     /// # Errors
-    /// When the technique makes no virtual lights, the scene is unsound or does not fit the adapter, or a shader does not
+    /// When the technique makes no virtual lights, compensation is asked for, the scene is unsound or does not fit the adapter, or a shader does not
     /// compile.
     pub fn new(gpu: &Gpu, settings: IndirectSettings, scene: &Scene) -> Result<Self, Error> {
         let settings = resolved(gpu, settings)?;
@@ -180,6 +180,7 @@ impl IndirectLight {
         let made_from = VplInputs {
             at: GatherAt { group, passes, scene, plan: &plan },
             shadows: &self.shadows,
+            light_grid: None,
             seen: (&room.depth, &room.surface),
             views: (&self.views, lists.as_ref(), 0),
         };
@@ -207,6 +208,10 @@ fn resolved(gpu: &Gpu, mut indirect: IndirectSettings) -> Result<Settings, Error
             )));
         }
     };
+    if indirect.compensate {
+        let refused = "indirect light alone takes indirect.compensate = false: what lamps give the picture is the program's";
+        return Err(Error::Combination(refused.into()));
+    }
     let shadow = ShadowSettings {
         layout: Layout::Traced,
         rays: 1,

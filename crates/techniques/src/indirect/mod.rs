@@ -10,11 +10,13 @@
 //! | what each lamp shines at | [`rsm`] | a change |
 //! | virtual lights there | [`vpls`] | a frame |
 //! | a coarse shadow map of each | [`ism`] | a frame |
+//! | what bounding their nearness takes, where it is given back | [`compensate`] | a frame |
 //! | their light where the camera looks | [`gather`] | a frame, and a layer of see-through surfaces |
 //! | the same on what another program has drawn | [`foreign`] | a frame |
 //! | what all this looks like | [`pictures`] | where asked for |
 
 pub mod foreign;
+pub mod compensate;
 pub mod gather;
 pub mod ism;
 mod openness;

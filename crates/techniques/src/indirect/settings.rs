@@ -86,6 +86,13 @@ choice! {
     }
 }
 
+impl IndirectSettings {
+    /// Whether what bounding nearness takes is given back.
+    pub fn compensates(&self) -> bool {
+        self.compensate && self.clamp > 0.0 && self.technique.makes_vpls()
+    }
+}
+
 settings! {
     /// Indirect light.
     pub struct IndirectSettings: "indirect" {
@@ -155,6 +162,13 @@ settings! {
         /// Radius at which a virtual light's nearness is bounded, in radii of the disc that it stands for. 0 bounds nothing:
         /// corners get bright spots. More darkens corners.
         clamp: f32 = 1.0, "radii", 0.0..=16.0, Uniform,
+            only "indirect.technique=rsm|ism|traced";
+        /// Whether what bounding nearness takes is given back by what the picture shows around each pixel (Novák et al. 2011):
+        /// corners get their light without bright spots. What is out of the picture gives nothing back.
+        compensate: bool = false, "", (), Permutation,
+            only "indirect.technique=rsm|ism|traced and indirect.clamp!=0";
+        /// Whether frames leave `indirect/clamp_loss`, the share of light that bounding nearness takes.
+        clamp_loss: bool = false, "", (), Permutation,
             only "indirect.technique=rsm|ism|traced";
         /// What smooths interleaved light.
         filter: IrradianceFilter = IrradianceFilter::Edges, "", (), Permutation,

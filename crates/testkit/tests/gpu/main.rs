@@ -5,6 +5,7 @@ mod brdf;
 mod brdf_sample;
 mod bsdf_sample;
 mod chi_square;
+mod compensate;
 mod culling;
 mod docs;
 mod emitter_sample;

@@ -81,6 +81,7 @@ impl Maker {
             gather: &self.gather,
             points: self.points.as_ref(),
             ism: self.ism.as_ref(),
+            compensate: None,
             pictures: None,
         }
     }

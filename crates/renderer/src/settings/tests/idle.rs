@@ -13,7 +13,7 @@ use crate::{LoadedScene, Renderer, StillOptions, View};
 const SIDE: &str = "128";
 
 /// Together they make every condition false once, and true.
-const COMBINATIONS: [&[(&str, &str)]; 18] = [
+const COMBINATIONS: [&[(&str, &str)]; 19] = [
     &[],
     &[("pipeline", "forward"), ("surface.msaa", "1"), ("shadow.transmission_tint", "true")],
     &[("shadow.layout", "none")],
@@ -45,6 +45,13 @@ const COMBINATIONS: [&[(&str, &str)]; 18] = [
         ("indirect.rsm_resolution", "64"),
         ("indirect.sampling", "importance"),
         ("indirect.interleave", "1"),
+        ("indirect.compensate", "true"),
+    ],
+    &[
+        ("indirect.technique", "rsm"),
+        ("indirect.vpls", "16"),
+        ("indirect.rsm_resolution", "64"),
+        ("indirect.clamp", "0"),
     ],
 ];
 

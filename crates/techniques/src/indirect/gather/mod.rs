@@ -16,7 +16,8 @@
 //! | --- | --- | --- |
 //! | depth, surface | of the surface buffer | |
 //! | VPLs | [`Vpl`](super::Vpl) | world, m, lm |
-//! | their number | u32, the first word of a uniform of 16 bytes or more | |
+//! | their number | u32, the first word of a uniform of 16 bytes or more; the second: see [`super::compensate`] | |
+//! | `given_back`, where there is any | Rgba16Float: irradiance / π | nits · radiance scale |
 //! | maps | [`IsmAtlas`], in the order of the VPLs | |
 //! | output: `irradiance` | Rgba16Float: irradiance / π, at most 65,000; log2 of the view depth, −60 on sky and unlit surfaces | nits · radiance scale; m |
 //! | `discontinuities` | R32Float: 1 on one, 0 elsewhere | |
@@ -106,6 +107,10 @@ pub(crate) struct GatherData {
     pub(crate) filter_width: u32,
     pub(crate) discontinuity_depth: f32,
     pub(crate) discontinuity_normal: f32,
+    pub(crate) compensates: u32,
+    pub(crate) gives_back: u32,
+    pub(crate) reserved0: u32,
+    pub(crate) reserved1: u32,
 }
 
 /// How it is found whether a place sees a VPL.
@@ -149,7 +154,7 @@ impl GatherKey {
         };
         let rays = matches!(sight, Sight::Rays { .. });
         let facts = if rays { facts } else { SceneFacts::default() };
-        Some(Self { sight, filter: settings.filter, clamp_loss: false, facts })
+        Some(Self { sight, filter: settings.filter, clamp_loss: settings.clamp_loss, facts })
     }
 }
 
@@ -166,12 +171,14 @@ pub struct GatherInputs<'a> {
     pub surface: &'a Texture,
     /// [`Vpl`](super::Vpl)s.
     pub vpls: &'a Buffer,
-    /// How many, in its first word; a uniform of at least 16 bytes.
+    /// How many, in its first word, and the flux that bounds go by; a uniform of at least 16 bytes.
     pub vpl_count: &'a Buffer,
     /// Their maps; as many as the room is for, none without maps.
     pub atlases: &'a [IsmAtlas],
     /// The scene's trees, which rays alone need.
     pub tracer: Option<&'a Buffer>,
+    /// What the bounds take, where it is given back: see [`super::compensate`].
+    pub given_back: Option<&'a Texture>,
 }
 
 /// What light is gathered into, of one size.
@@ -355,16 +362,22 @@ impl Gather {
                 filter_width: settings.filter_width,
                 discontinuity_depth: settings.discontinuity_depth,
                 discontinuity_normal: settings.discontinuity_normal,
+                compensates: u32::from(inputs.given_back.is_some()),
+                // Once.
+                gives_back: u32::from(inputs.given_back.is_some() && number + 1 == count),
+                reserved0: 0,
+                reserved1: 0,
             };
             frame.upload(uniform, &[data]);
             // Back and forth, so that the last one writes the result. The first reads nothing, of whatever texture.
             let (before, after) = turns(count - 1 - number, room);
             let before = if number > 0 { before } else { inputs.depth };
             let mut binds = pixel_binds(inputs, uniform);
-            binds.extend::<[Bind<'_>; 4]>([
+            binds.extend::<[Bind<'_>; 5]>([
                 ("vpls", inputs.vpls.into()),
                 ("vpl_count", inputs.vpl_count.into()),
                 ("before", before.into()),
+                ("given_back", inputs.given_back.unwrap_or(inputs.depth).into()),
                 ("gathered", after.into()),
             ]);
             if let Some(losses) = &room.losses {

@@ -6,7 +6,7 @@
 //! | scan | `rsm` | `rsm_sums`: weights of all tiles up to each, f32 | a workgroup |
 //! | place | those, lights | `candidates`: [`Vpl`]s, of flux 0 where nothing was found | a lane each |
 //! | weigh, by view | those, the picture's surface buffer | `worths`: f32 | a lane each |
-//! | choose | those | `vpls`, `vpl_count` | a workgroup |
+//! | choose | those | `vpls`; `vpl_count`: how many, and the mean of their fluxes by octaves | a workgroup |
 //!
 //! # Flux
 //! A candidate that is found with the chance p stands for Φ / (p M), of M candidates: by flux p is a texel's share of all weight,
@@ -71,7 +71,7 @@ pub fn candidates(settings: &IndirectSettings) -> u32 {
 pub struct VplRoom {
     /// [`Vpl`]s.
     pub vpls: Buffer,
-    /// How many, in its first word.
+    /// How many, in its first word; in its second the mean of their fluxes by octaves, f32, lumens.
     pub count: Buffer,
     uniform: Buffer,
     sums: Buffer,

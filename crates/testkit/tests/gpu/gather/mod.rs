@@ -27,6 +27,8 @@ const HALF_STEP: f32 = 1.0 / 2048.0;
 const NEAR_M: f32 = 0.1;
 /// A stored unit is 4 nits.
 const RADIANCE_SCALE: f32 = 0.25;
+/// Flux that bounds go by where what they take is given back.
+const EVEN_LM: f32 = 12.0;
 const NOWHERE: f32 = -60.0;
 const METALLIC_ROUGHNESS: u32 = 0;
 const UNLIT: u32 = 2;
@@ -167,6 +169,7 @@ fn texels<const N: usize>(gpu: &Gpu, texture: &Texture) -> Vec<[f32; N]> {
 struct Others<'a> {
     atlases: &'a [IsmAtlas],
     rays: Option<(&'a SceneGpu, &'a Buffer)>,
+    given_back: Option<&'a Texture>,
 }
 
 /// The pass.
@@ -196,7 +199,8 @@ impl<'a> Rig<'a> {
     }
 
     fn buffers(&self, vpls: &[Vpl]) -> (Buffer, Buffer) {
-        (self.bench.buffer("vpls", vpls), self.bench.buffer("vpl_count", &[vpls.len() as u32, 1, 1, 1]))
+        let count = [vpls.len() as u32, EVEN_LM.to_bits(), 0, 0];
+        (self.bench.buffer("vpls", vpls), self.bench.buffer("vpl_count", &count))
     }
 
     fn record(
@@ -219,6 +223,7 @@ impl<'a> Rig<'a> {
             vpl_count,
             atlases: others.atlases,
             tracer: others.rays.map(|(_, tracer)| tracer),
+            given_back: others.given_back,
         };
         self.pass.record(frame, settings, &inputs, room)
     }

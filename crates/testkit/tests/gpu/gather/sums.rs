@@ -101,3 +101,28 @@ fn a_disc_facing_a_place_gives_what_its_form_factor_says() {
         assert!((loss - r * r / (d * d + r * r)).abs() < 2e-3, "{d} {r}: {loss}");
     }
 }
+
+#[test]
+fn with_what_bounds_take_given_back_all_are_bounded_as_if_they_carried_as_much() {
+    let gpu = device_guaranteed();
+    let mut rig = Rig::new(&gpu, key(Sight::All, IrradianceFilter::None, false));
+    let (picture, vpls) = (inside([21, 13]), scattered(90, 7));
+    let luminance = |vpl: &Vpl| Vec3::from(vpl.flux).dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    let even: Vec<_> =
+        vpls.iter().map(|vpl| vpl.with_radius(radius(vpl) * (EVEN_LM / luminance(vpl)).sqrt())).collect();
+    let more: Vec<_> = (0..21 * 13).map(|i| [0.01 * i as f32, 0.5, 0.0, 0.0]).collect();
+    let given_back = texture(&gpu, "given_back", picture.size, TextureFormat::Rgba32Float, &more);
+    let buffers = rig.buffers(&vpls);
+    let mut recorder = Recorder::new(&gpu, false);
+    let mut frame = recorder.begin();
+    let others = Others { given_back: Some(&given_back), ..Others::default() };
+    let lit = rig.record(&mut frame, &picture, &settings(3), [&buffers.0, &buffers.1], others);
+    frame.submit();
+    for (i, (pixel, found)) in picture.pixels.iter().zip(texels::<4>(&gpu, &lit)).enumerate() {
+        let (sum, _) = twin(pixel, block(i, picture.size, 3, &even), 1.0, |_, _| true);
+        let lit = if pixel.kind == METALLIC_ROUGHNESS { 9.0 * sum } else { Vec3::ZERO };
+        let expected = lit + Vec3::from_slice(&more[i]);
+        let off = (Vec3::from_slice(&found) - expected).abs() - 3e-3 * expected;
+        assert!(off.max_element() < 1e-6, "pixel {i}: {found:?} should be {expected}");
+    }
+}

@@ -73,13 +73,17 @@ impl<'a> Rig<'a> {
         let read = |buffer| BufferReadback::start(self.gpu, buffer).wait(self.gpu).unwrap();
         let (kept, counts) = (read(&kept), read(&counts));
         let of = |i: usize| {
-            let count: Vec<u32> = bytemuck::pod_collect_to_vec(&counts[i * STRIDE as usize..][..4]);
+            let count: Vec<u32> = bytemuck::pod_collect_to_vec(&counts[i * STRIDE as usize..][..8]);
             assert!(count[0] <= vpls, "{} of {vpls}", count[0]);
             let bytes = &kept[i * room as usize..][..count[0] as usize * size_of::<Vpl>()];
             let list: Vec<Vpl> = bytemuck::pod_collect_to_vec(bytes);
             // No holes, nothing without light, in the order of the candidates, each block after the other.
             assert!(list.iter().all(|vpl| vpl.flux[0] > 0.0), "of {vpls} at {}: {list:?}", chances[i]);
             assert!(list.windows(2).all(|pair| pair[0].position_ws[0] < pair[1].position_ws[0]));
+            // The mean of their fluxes by octaves stands beside their number.
+            let octaves = list.iter().map(|vpl| vpl.flux[0].log2()).sum::<f32>() / list.len().max(1) as f32;
+            let mean = f32::from_bits(count[1]);
+            assert!((mean.log2() - octaves).abs() < 1e-3 * octaves.abs().max(1.0), "{mean}: 2^{octaves}");
             assert!((7..).zip(&list).all(|(block, vpl)| vpl.block() == block));
             list
         };
