@@ -75,9 +75,12 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("indirect/rsm/scattered.wesl"),
     shader!("indirect/vpl.wesl"),
     shader!("indirect/vpls/choose.cs.wesl"),
+    shader!("indirect/vpls/maps.wesl"),
+    shader!("indirect/vpls/pilots.wesl"),
     shader!("indirect/vpls/place.cs.wesl"),
     shader!("indirect/vpls/sampling.wesl"),
     shader!("indirect/vpls/scan.cs.wesl"),
+    shader!("indirect/vpls/tiles.cs.wesl"),
     shader!("indirect/vpls/weigh.cs.wesl"),
     shader!("light/froxels.wesl"),
     shader!("light/grid.cs.wesl"),
@@ -183,7 +186,6 @@ pub fn permutations() -> Vec<Permutation> {
         "indirect/foreign/surface.cs.wesl",
         "indirect/compensate/nearby.cs.wesl",
         "indirect/gather/discontinuity.cs.wesl",
-        "indirect/gather/edges.cs.wesl",
         "indirect/gather/gaussian.cs.wesl",
         "indirect/ism/picture.cs.wesl",
         "indirect/ism/pull.cs.wesl",
@@ -195,6 +197,7 @@ pub fn permutations() -> Vec<Permutation> {
         "indirect/vpls/choose.cs.wesl",
         "indirect/vpls/place.cs.wesl",
         "indirect/vpls/scan.cs.wesl",
+        "indirect/vpls/tiles.cs.wesl",
         "indirect/vpls/weigh.cs.wesl",
         "light/grid.cs.wesl",
         "environment/halve.cs.wesl",
@@ -229,7 +232,7 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(behind(a));
         all.push(motion_vectors(a));
         all.push(accumulate(a));
-        all.push(ism_splat(a));
+        all.extend([ism_splat(a), edges(a)]);
         all.push(path_trace(a));
         all.push(shadow_depth(a));
         all.extend([shadow_paraboloid(a, false), shadow_paraboloid(a, true)]);
@@ -348,6 +351,11 @@ pub fn aov(shadows: ShadowSource) -> Permutation {
 /// Imperfect shadow maps; with `teams`, large discs are drawn by several lanes.
 pub fn ism_splat(teams: bool) -> Permutation {
     Permutation::plain("indirect/ism/splat.cs.wesl").flag("teams", teams)
+}
+
+/// The mean over what is interleaved, of more than 4 × 4 pixels or of no more.
+pub fn edges(wide: bool) -> Permutation {
+    Permutation::plain("indirect/gather/edges.cs.wesl").flag("wide", wide)
 }
 
 /// What a light's view shows as light that goes on.

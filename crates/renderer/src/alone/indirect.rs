@@ -149,7 +149,8 @@ impl IndirectLight {
         self.notes.clear();
         self.notes.extend(plan.note.clone());
         let at_once = Culling::views_at_once(gpu, scene.gpu);
-        self.views.set(gpu, &plan.draws(), &[], at_once);
+        let drawn_views: Vec<_> = plan.draws().collect();
+        self.views.set(gpu, &drawn_views, &[], at_once);
         let together = at_once.min(plan.views());
         let serves = |room: &ListRoom| room.serves(scene.gpu, together);
         let lists = chiaro_gpu::keep(&mut self.lists, serves, || ListRoom::new(gpu, scene.gpu, together));

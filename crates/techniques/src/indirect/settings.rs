@@ -157,7 +157,7 @@ settings! {
             only "indirect.technique=ism and indirect.pull_push.levels!=0";
         /// Side of the squares of pixels among which virtual lights are dealt out: of 4 each pixel is lit by a 16th of them. More
         /// is faster, and is blurred more.
-        interleave: u32 = 4, "pixels", 1..=8, Uniform,
+        interleave: u32 = 4, "pixels", 1..=8, Permutation,
             only "indirect.technique=rsm|ism|traced";
         /// Radius at which a virtual light's nearness is bounded, in radii of the disc that it stands for. 0 bounds nothing:
         /// corners get bright spots. More darkens corners.

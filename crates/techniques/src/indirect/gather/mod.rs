@@ -62,6 +62,7 @@
 //! 0.06 ms. Room: 33 MB, and 8 each for discontinuities and loss.
 
 use bytemuck::{Pod, Zeroable};
+use chiaro_gpu::shader::Permutation;
 use chiaro_gpu::wgpu::{BufferUsages, TextureFormat, TextureUsages};
 use chiaro_gpu::{
     Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, Life, Mapping, Scale, Texture,
@@ -137,6 +138,8 @@ pub struct GatherKey {
     pub sight: Sight,
     /// What smooths.
     pub filter: IrradianceFilter,
+    /// Whether it smooths more than 4 × 4 pixels.
+    pub wide: bool,
     /// Whether it is told what the bound takes.
     pub clamp_loss: bool,
     /// What rays may meet; the default without rays.
@@ -154,7 +157,9 @@ impl GatherKey {
         };
         let rays = matches!(sight, Sight::Rays { .. });
         let facts = if rays { facts } else { SceneFacts::default() };
-        Some(Self { sight, filter: settings.filter, clamp_loss: settings.clamp_loss, facts })
+        let filter = settings.filter;
+        let wide = filter == IrradianceFilter::Edges && settings.interleave > 4;
+        Some(Self { sight, filter, wide, clamp_loss: settings.clamp_loss, facts })
     }
 }
 
@@ -247,18 +252,18 @@ impl Pass for Gather {
             }
         };
         let sight = (matches!(key.sight, Sight::Ism { .. }), matches!(key.sight, Sight::Rays { .. }));
-        let both = |entry| {
-            let along = |columns| make(shaders::plain(entry), &[("ALONG_COLUMNS", flag(columns))]);
+        let both = |permutation: Permutation| {
+            let along = |columns| make(permutation.clone(), &[("ALONG_COLUMNS", flag(columns))]);
             Ok([along(false)?, along(true)?])
         };
         Ok(Self {
             shade: make(shaders::gather(sight, key.clamp_loss), &constants)?,
             filter: match key.filter {
                 IrradianceFilter::None => Filter::None,
-                IrradianceFilter::Edges => Filter::Edges(both("indirect/gather/edges.cs.wesl")?),
+                IrradianceFilter::Edges => Filter::Edges(both(shaders::edges(key.wide))?),
                 IrradianceFilter::Discontinuity => Filter::Discontinuity {
                     find: make(shaders::plain("indirect/gather/discontinuity.cs.wesl"), &[])?,
-                    smooth: both("indirect/gather/gaussian.cs.wesl")?,
+                    smooth: both(shaders::plain("indirect/gather/gaussian.cs.wesl"))?,
                 },
             },
             key: *key,
@@ -321,7 +326,8 @@ impl Gather {
     /// Gathers light and smooths it.
     ///
     /// # Panics
-    /// When maps, the scene or its trees are missing that the key asks for, or there are more atlases than the room is for.
+    /// When maps, the scene or its trees are missing that the key asks for, or there are more atlases than the room is for, or
+    /// `edges` is to smooth more pixels than it was compiled for.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
@@ -329,6 +335,8 @@ impl Gather {
         inputs: &GatherInputs<'_>,
         room: &GatherRoom,
     ) -> Texture {
+        let reaches = self.key.wide || settings.interleave <= 4 || !matches!(self.filter, Filter::Edges(_));
+        assert!(reaches, "indirect.interleave: compiled for 4 at most");
         self.record_gather(frame, settings, inputs, room);
         if settings.interleave > 1 {
             self.record_filter(frame, inputs, room);

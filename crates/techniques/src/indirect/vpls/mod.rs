@@ -3,15 +3,18 @@
 //!
 //! | step | reads | writes | by |
 //! | --- | --- | --- | --- |
-//! | scan | `rsm` | `rsm_sums`: weights of all tiles up to each, f32 | a workgroup |
-//! | place | those, lights | `candidates`: [`Vpl`]s, of flux 0 where nothing was found | a lane each |
-//! | weigh, by view | those, the picture's surface buffer | `worths`: f32 | a lane each |
+//! | tiles, by view | `rsm`, lights, the picture's surface buffer | `tile_worths`: f32 | eight lanes each |
+//! | scan | `rsm`, those | `rsm_sums`: weights of all tiles up to each, f32 | a workgroup |
+//! | place | those, lights | `candidates`: [`Vpl`]s, of flux 0 where nothing was found, whose `worths` are −1 | a lane each |
+//! | weigh, by view | those, the picture's surface buffer | `worths`: f32 | four lanes each |
 //! | choose | those | `vpls`; `vpl_count`: how many, and the mean of their fluxes by octaves | a workgroup |
 //!
 //! # Flux
 //! A candidate that is found with the chance p stands for Φ / (p M), of M candidates: by flux p is a texel's share of all weight,
 //! so that all carry the same luminance; evenly p is one texel of a light's map and M the light's share of the candidates. It
-//! stands for as much area, as a disc: its radius bounds how near it may be to what it lights.
+//! stands for as much area, as a disc: its radius bounds how near it may be to what it lights. By view p is a texel's share of
+//! its tile's flux times the tile's chance, 0.8 w / Σw + 0.2 Φ / ΣΦ: w is what the tile would bring the picture. So there are more
+//! and smaller ones near what is seen.
 //!
 //! # By what they bring the picture
 //! c of a candidate is its light on 16 × 16 pixels, none of them shadowed, no pixel nearer than half its own
@@ -40,6 +43,10 @@ use super::vpl::Vpl;
 use crate::{Kit, Pass, shaders};
 
 const SUMS: ViewHint = ViewHint::new("Flux of reflective shadow maps up to each tile", Mapping::Number);
+const TILE_WORTHS: ViewHint = ViewHint::new(
+    "What each tile of the reflective shadow maps would bring the picture, unshadowed",
+    Mapping::Number,
+);
 const WORTHS: ViewHint =
     ViewHint::new("What each candidate would bring the picture, unshadowed", Mapping::Number);
 
@@ -58,6 +65,8 @@ pub(crate) struct SamplingData {
     pub(crate) turn: [f32; 2],
     pub(crate) chance: f32,
     pub(crate) stride: u32,
+    pub(crate) keeps_all: u32,
+    pub(crate) reserved: [u32; 3],
 }
 
 /// Candidates of these settings.
@@ -75,6 +84,7 @@ pub struct VplRoom {
     pub count: Buffer,
     uniform: Buffer,
     sums: Buffer,
+    tile_worths: Buffer,
     candidates: Buffer,
     worths: Buffer,
     // Candidates, lights, tiles.
@@ -96,6 +106,7 @@ impl VplRoom {
 /// The passes.
 #[derive(Debug)]
 pub struct Vpls {
+    tiles: ComputePipeline,
     scan: ComputePipeline,
     place: ComputePipeline,
     weigh: ComputePipeline,
@@ -111,17 +122,18 @@ impl Pass for Vpls {
             let shared: Vec<_> = frame.iter().filter(|_| with_frame).collect();
             ComputePipeline::new(&kit.gpu, &kit.library, &shaders::plain(entry), &shared, &[])
         };
-        let ((scan, place), (weigh, choose)) = parallel::join(
+        let ((tiles, scan), (place, (weigh, choose))) = parallel::join(
             || {
-                let place = || make("indirect/vpls/place.cs.wesl", true);
-                parallel::join(|| make("indirect/vpls/scan.cs.wesl", false), place)
+                let scan = || make("indirect/vpls/scan.cs.wesl", false);
+                parallel::join(|| make("indirect/vpls/tiles.cs.wesl", true), scan)
             },
             || {
                 let choose = || make("indirect/vpls/choose.cs.wesl", false);
-                parallel::join(|| make("indirect/vpls/weigh.cs.wesl", true), choose)
+                let weigh = || parallel::join(|| make("indirect/vpls/weigh.cs.wesl", true), choose);
+                parallel::join(|| make("indirect/vpls/place.cs.wesl", true), weigh)
             },
         );
-        Ok(Self { scan: scan?, place: place?, weigh: weigh?, choose: choose? })
+        Ok(Self { tiles: tiles?, scan: scan?, place: place?, weigh: weigh?, choose: choose? })
     }
 }
 
@@ -150,7 +162,8 @@ impl Vpls {
                     size_of::<SamplingData>() as u64,
                     BufferUsages::UNIFORM | BufferUsages::COPY_DST,
                 ),
-                sums: make("rsm_sums", 4 * tiles, storage).described(SUMS),
+                sums: make("rsm_sums", 4 * (tiles + 2), storage).described(SUMS),
+                tile_worths: make("tile_worths", 4 * tiles, storage).described(TILE_WORTHS),
                 candidates: make("vpl_candidates", candidates * each, storage),
                 worths: make("vpl_worths", 4 * candidates, storage).described(WORTHS),
                 sizes,
@@ -179,6 +192,8 @@ impl Vpls {
             turn: [turn(seed, 0), turn(seed, 1)],
             chance: turn(seed.wrapping_add(round.wrapping_mul(0x9e37_79b9)), 2),
             stride: stride(plan.views.len(), candidates(settings)),
+            keeps_all: u32::from(settings.sampling != VplSampling::View),
+            reserved: [0; 3],
         };
         frame.upload(&room.uniform, &[data]);
         if data.views == 0 {
@@ -192,20 +207,29 @@ impl Vpls {
         let (sums, worths) = (("rsm_sums", (&room.sums).into()), ("worths", (&room.worths).into()));
         let one = Dispatch::Groups([1, 1, 1]);
         let each = Dispatch::Threads([data.candidates, 1, 1]);
-        frame.compute("indirect/vpl_scan", &self.scan, &[], &[sampling, rsm, sums], one);
-        let binds = [sampling, rsm, sums, ("rsm_views", (&maps.views).into()), candidates];
+        let views = ("rsm_views", (&maps.views).into());
+        let seen = [("depth", depth.into()), ("surface", surface.into())];
+        let by_view = settings.sampling == VplSampling::View;
+        // Without them something stands in their place that nobody reads.
+        let tile_worths = if by_view { (&room.tile_worths).into() } else { rsm.1 };
+        let tile_worths = ("tile_worths", tile_worths);
+        if by_view {
+            let binds = [&[sampling, rsm, views, tile_worths], &seen[..]].concat();
+            let shares = Dispatch::Threads([8 * data.tiles, 1, 1]);
+            frame.compute("indirect/vpl_tiles", &self.tiles, &[group], &binds, shares);
+        }
+        frame.compute("indirect/vpl_scan", &self.scan, &[], &[sampling, rsm, tile_worths, sums], one);
+        let binds = [sampling, rsm, sums, tile_worths, views, candidates, worths];
         frame.compute("indirect/vpl_place", &self.place, &[group], &binds, each);
-        // Without worths something stands in their place that nobody reads.
-        let mut chosen_by = ("worths", sums.1);
-        if settings.sampling == VplSampling::View {
-            chosen_by = worths;
-            let binds = [sampling, ("depth", depth.into()), ("surface", surface.into()), candidates, worths];
-            frame.compute("indirect/vpl_weigh", &self.weigh, &[group], &binds, each);
+        if data.keeps_all == 0 {
+            let binds = [&[sampling, candidates, worths], &seen[..]].concat();
+            let shares = Dispatch::Threads([4 * data.candidates, 1, 1]);
+            frame.compute("indirect/vpl_weigh", &self.weigh, &[group], &binds, shares);
         }
         let binds = [
             sampling,
             candidates,
-            chosen_by,
+            worths,
             ("vpls", (&room.vpls).into()),
             ("vpl_count", (&room.count).into()),
         ];

@@ -35,7 +35,7 @@ const UNLIT: u32 = 2;
 const SKY: u32 = 3;
 
 fn key(sight: Sight, filter: IrradianceFilter, clamp_loss: bool) -> GatherKey {
-    GatherKey { sight, filter, clamp_loss, facts: SceneFacts::default() }
+    GatherKey { sight, filter, wide: false, clamp_loss, facts: SceneFacts::default() }
 }
 
 fn settings(interleave: u32) -> IndirectSettings {
