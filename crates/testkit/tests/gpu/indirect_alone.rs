@@ -114,7 +114,7 @@ fn it_is_the_renderer_s_own_indirect_light_whichever_way_depth_runs() {
         ("indirect.points_per_vpl", "512"),
     ];
     let mut studio = Studio::new(&gpu, direct(&keys));
-    assert_eq!(studio.renderer.settings().indirect, settings);
+    assert_eq!(studio.renderer().settings().indirect, settings);
     let loaded = studio.load(&scene);
     let aovs = [Aov::Indirect, Aov::Depth, Aov::Normal, Aov::Albedo];
     let [expected, depth, normals, albedo] = studio.aovs(&loaded, &view, SIZE, 1, aovs);

@@ -8,7 +8,7 @@
 //!
 //! | step | reads | writes | by |
 //! | --- | --- | --- | --- |
-//! | gather, once an atlas | surface, VPLs, their maps or the scene's trees | `irradiance`, with `clamp_loss` where asked for | 64 lanes 8 × 8 pixels of one sub-image |
+//! | gather, once an atlas | surface, VPLs, their maps or the scene's trees | `irradiance`, with `clamp_loss` where asked for | 64 lanes 8 × 16 pixels of one sub-image |
 //! | rows, columns (`edges`) | `irradiance`, surface | `irradiance` | a lane a pixel |
 //! | discontinuities, rows, columns (`discontinuity`) | surface; `irradiance` | `discontinuities`; `irradiance` | the same |
 //!
@@ -90,7 +90,7 @@ const DISCONTINUITIES: ViewHint =
 const CLAMP_LOSS: ViewHint =
     ViewHint::new("Share of indirect light that bounding virtual lights' nearness takes", Mapping::Heat);
 
-/// Pixels a side of what a workgroup shades of a sub-image.
+/// Pixels across what a workgroup shades of a sub-image; as many down by rays, else twice as many.
 const SIDE: u32 = 8;
 
 /// Pixels of a workgroup of `edges.cs.wesl`, along the window and across it.
@@ -353,7 +353,8 @@ impl Gather {
     ) {
         let n = settings.interleave.max(1);
         let [width, height] = size(room);
-        let groups = [width, height].map(|pixels| pixels.div_ceil(SIDE * n));
+        let rows = if matches!(self.key.sight, Sight::Rays { .. }) { SIDE } else { 2 * SIDE };
+        let groups = [width.div_ceil(SIDE * n), height.div_ceil(rows * n)];
         let dispatch = Dispatch::Groups([groups[0], groups[1], n * n]);
         let by_map = matches!(self.key.sight, Sight::Ism { .. });
         let count = if by_map { inputs.atlases.len() } else { 1 };
