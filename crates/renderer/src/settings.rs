@@ -113,13 +113,14 @@ const PRESETS: [(&str, &str, &[(&str, &str)]); 6] = [
     ),
     (
         "fast",
-        "for weak GPUs: smaller shadow maps, one-tap filter, fewer points in smaller imperfect shadow maps",
+        "for weak GPUs: smaller shadow maps, one-tap filter, fewer points in smaller reflective and imperfect maps",
         &[
             ("shadow.resolution", "1024"),
             ("shadow.pcf_kernel", "2"),
             ("surface.anisotropy", "4"),
             ("surface.msaa", "1"),
             ("indirect.vpls", "1024"),
+            ("indirect.rsm_resolution", "256"),
             ("indirect.ism_resolution", "64"),
             ("indirect.points_per_vpl", "2000"),
         ],

@@ -8,8 +8,8 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::indirect::Vpl;
-use crate::indirect::foreign::ForeignData;
 use crate::indirect::compensate::CompensateData;
+use crate::indirect::foreign::ForeignData;
 use crate::indirect::gather::GatherData;
 use crate::indirect::ism::IsmData;
 use crate::indirect::pictures::PictureData;
@@ -268,6 +268,10 @@ fn rust_structs_equal_their_wesl_twins() {
         turn,
         chance,
         stride,
+        keeps_all,
+        reserved0,
+        reserved1,
+        reserved2,
     );
     same!(
         place,

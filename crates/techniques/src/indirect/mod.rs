@@ -15,8 +15,8 @@
 //! | the same on what another program has drawn | [`foreign`] | a frame |
 //! | what all this looks like | [`pictures`] | where asked for |
 
-pub mod foreign;
 pub mod compensate;
+pub mod foreign;
 pub mod gather;
 pub mod ism;
 mod openness;

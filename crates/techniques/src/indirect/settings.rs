@@ -38,7 +38,8 @@ impl Technique {
 choice! {
     /// Where virtual lights are put.
     pub enum VplSampling {
-        /// Candidates by their flux, of which those are kept that bring the picture most (Georgiev & Slusallek 2010).
+        /// More where light brings the picture more, and of those what brings it nothing only by chance (Georgiev & Slusallek
+        /// 2010): fewer than asked for where much is far away.
         View = "view",
         /// By flux alone: each carries as much as the others.
         Importance = "importance",
@@ -106,8 +107,9 @@ settings! {
         /// Where virtual lights are put.
         sampling: VplSampling = VplSampling::View, "", (), Uniform,
             only "indirect.technique=rsm|ism|traced";
-        /// Candidates for each virtual light that is kept. More find better ones, and cost a few nanoseconds each.
-        candidates: u32 = 4, "", 1..=16, Resources,
+        /// Candidates for each virtual light that may be kept. More leave out less of those that are asked for, and find
+        /// little better ones.
+        candidates: u32 = 1, "", 1..=16, Resources,
             only "indirect.technique=rsm|ism|traced and indirect.sampling=view";
         /// Texels a side of a light's reflective shadow map; those of a point light's six faces have half as many. More place
         /// virtual lights finer, and cost 16 bytes a texel.

@@ -27,13 +27,14 @@ impl<'a> Rig<'a> {
     }
 
     /// What is kept at each of some chances, of candidates that carry so much and are worth so much.
-    fn kept(&self, candidates: &[(f32, f32)], vpls: u32, chances: &[f32], by_view: bool) -> Vec<Vec<Vpl>> {
+    fn kept(&self, candidates: &[(f32, f32)], vpls: u32, chances: &[f32], keeps_all: bool) -> Vec<Vec<Vpl>> {
         // Numbers as places.
         let of = |(i, (flux, _)): (usize, &(f32, f32))| {
             Vpl::new(Vec3::X * i as f32, Vec3::Y, Vec3::splat(*flux), 0).with_radius(1.0)
         };
         let all: Vec<_> = candidates.iter().enumerate().map(of).collect();
-        let worths: Vec<_> = candidates.iter().map(|(_, worth)| *worth).collect();
+        let worth = |(flux, worth): &(f32, f32)| if *flux > 0.0 { *worth } else { -1.0 };
+        let worths: Vec<_> = candidates.iter().map(worth).collect();
         let (all, worths) = (self.bench.buffer("candidates", &all), self.bench.buffer("worths", &worths));
         let uniforms: Vec<[u32; 64]> = chances
             .iter()
@@ -41,13 +42,13 @@ impl<'a> Rig<'a> {
                 let data = Sampling {
                     candidates: candidates.len() as u32,
                     vpls,
-                    by_view: u32::from(by_view),
+                    keeps_all: u32::from(keeps_all),
                     chance,
                     first_block: 7,
                     ..Sampling::default()
                 };
                 let mut words = [0; 64];
-                words[..12].copy_from_slice(bytemuck::cast_slice(&[data]));
+                words[..16].copy_from_slice(bytemuck::cast_slice(&[data]));
                 words
             })
             .collect();
@@ -55,6 +56,7 @@ impl<'a> Rig<'a> {
         let room = (u64::from(vpls) * size_of::<Vpl>() as u64).next_multiple_of(STRIDE);
         let many = chances.len() as u64;
         let make = |name, bytes| Buffer::new(self.gpu, name, Life::Kept, bytes, BufferUsages::STORAGE);
+        let lots = make("chances", 4 * candidates.len() as u64);
         let (kept, counts) = (make("vpls", many * room), make("vpl_count", many * STRIDE));
         let mut recorder = Recorder::new(self.gpu, false);
         let mut frame: Frame<'_> = recorder.begin();
@@ -64,6 +66,7 @@ impl<'a> Rig<'a> {
                 ("sampling", part(&uniforms, STRIDE, size_of::<Sampling>() as u64)),
                 ("candidates", (&all).into()),
                 ("worths", (&worths).into()),
+                ("chances", (&lots).into()),
                 ("vpls", part(&kept, room, u64::from(vpls) * size_of::<Vpl>() as u64)),
                 ("vpl_count", part(&counts, STRIDE, 16)),
             ];
@@ -94,7 +97,7 @@ impl<'a> Rig<'a> {
     fn assert_unbiased(&self, candidates: &[(f32, f32)], vpls: u32, name: &str) -> [usize; 2] {
         const MANY: u32 = 512;
         let chances: Vec<_> = (0..MANY).map(|k| (k as f32 + 0.5) / MANY as f32).collect();
-        let lists = self.kept(candidates, vpls, &chances, true);
+        let lists = self.kept(candidates, vpls, &chances, false);
         let mut sums = vec![0.0f64; candidates.len()];
         let mut most = vec![0.0f64; candidates.len()];
         for vpl in lists.iter().flatten() {
@@ -170,7 +173,7 @@ fn a_single_lit_candidate_is_always_kept_as_it_is() {
     {
         let mut all = vec![(0.0, 0.0); 100];
         all[at] = (3.0, worth);
-        for list in rig.kept(&all, vpls, &[0.0, 0.25, 0.5, 0.75, 1.0 - f32::EPSILON], true) {
+        for list in rig.kept(&all, vpls, &[0.0, 0.25, 0.5, 0.75, 1.0 - f32::EPSILON], false) {
             assert_eq!(list.len(), 1, "worth {worth}");
             assert!((list[0].flux[0] - 3.0).abs() < 1e-3 && list[0].position_ws[0] == at as f32);
         }
@@ -185,7 +188,7 @@ fn the_least_chance_is_a_chance_wherever_a_candidate_stands() {
     let mut all = vec![(1.0, 0.0); 65_536];
     all[65_535].1 = 1.0;
     let chances: Vec<_> = (0..256).map(|k| 1.0 - (k as f32 + 0.5) / 32_768.0).collect();
-    let lists = rig.kept(&all, 4, &chances, true);
+    let lists = rig.kept(&all, 4, &chances, false);
     let first = lists.iter().filter(|list| list.first().is_some_and(|vpl| vpl.position_ws[0] == 0.0)).count();
     assert_eq!(first, 1, "kept {first} times");
 }
@@ -196,7 +199,7 @@ fn by_flux_alone_all_that_are_lit_are_kept() {
     let rig = Rig::new(&gpu);
     let all = random(200, 4);
     let lit: Vec<_> = all.iter().map(|(flux, _)| *flux).filter(|flux| *flux > 0.0).collect();
-    for list in rig.kept(&all, 200, &[0.0, 0.3, 1.0 - f32::EPSILON], false) {
+    for list in rig.kept(&all, 200, &[0.0, 0.3, 1.0 - f32::EPSILON], true) {
         assert_eq!(list.iter().map(|vpl| vpl.flux[0]).collect::<Vec<_>>(), lit);
     }
 }

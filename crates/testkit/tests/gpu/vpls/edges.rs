@@ -131,7 +131,7 @@ fn scaled(stage: Stage, scale: f32) -> Scene {
 fn scenes_of_a_millimetre_and_of_ten_thousand_kilometres_get_the_same_light() {
     let gpu = device();
     for technique in TECHNIQUES {
-        let mut studio = Studio::new(&gpu, with(technique, &[]));
+        let mut studio = Studio::new(&gpu, with(technique, &[("indirect.vpls", "256")]));
         for light in [SPOT, LightKind::Directional, LightKind::Point] {
             let right = indirect(&mut studio, &corner(Some(light)).scene, &view(1.0));
             assert!(mean(&right) > 0.0);
@@ -139,9 +139,13 @@ fn scenes_of_a_millimetre_and_of_ten_thousand_kilometres_get_the_same_light() {
                 let found = indirect(&mut studio, &scaled(corner(Some(light)), scale), &view(scale));
                 let off = nmae(&found, &right);
                 let share = mean(&found) / mean(&right);
-                assert!((share - 1.0).abs() < 0.02, "{technique}, {light:?}, ×{scale}: {share} of the light");
                 // The sun's shadows end a little elsewhere, which moves the places of what comes after by as much.
-                let most = if light == LightKind::Directional { 0.2 } else { 0.03 };
+                let (most_share, most) =
+                    if light == LightKind::Directional { (0.05, 0.2) } else { (0.02, 0.03) };
+                assert!(
+                    (share - 1.0).abs() < most_share,
+                    "{technique}, {light:?}, ×{scale}: {share} of the light"
+                );
                 assert!(off < most, "{technique}, {light:?}, ×{scale}: {off}");
             }
         }

@@ -30,6 +30,8 @@ struct Sampling {
     turn: [f32; 2],
     chance: f32,
     stride: u32,
+    keeps_all: u32,
+    reserved: [u32; 3],
 }
 
 /// Settings with virtual lights that shine through everything, and some changed.
