@@ -27,7 +27,7 @@ fn most_off(found: &[[f32; 4]], expected: &[[f32; 4]]) -> f32 {
 }
 
 /// For up to 4 × 4 pixels, and for more.
-fn narrow_and_wide(gpu: &Gpu, filter: IrradianceFilter) -> [Rig; 2] {
+fn narrow_and_wide(gpu: &Gpu, filter: IrradianceFilter) -> [Rig<'_>; 2] {
     [false, true].map(|wide| Rig::new(gpu, GatherKey { wide, ..key(Sight::All, filter, false) }))
 }
 
