@@ -62,8 +62,8 @@ impl IndirectLight {
     /// and compiles. Of the scene its meshes, nodes and materials count. `indirect.technique = auto` is `ism`.
     ///
     /// # Errors
-    /// When the technique makes no virtual lights, compensation is asked for, the scene is unsound or does not fit the adapter, or a shader does not
-    /// compile.
+    /// When the technique makes no virtual lights, compensation is asked for, the scene is unsound or does not fit the adapter, or
+    /// a shader does not compile.
     pub fn new(gpu: &Gpu, settings: IndirectSettings, scene: &Scene) -> Result<Self, Error> {
         let settings = resolved(gpu, settings)?;
         scene.validate()?;
