@@ -7,8 +7,9 @@ use crate::frame::LightData;
 use crate::view::ViewData;
 use crate::view::project::{corners, light_axes, reversed_orthographic, reversed_perspective, slack};
 
-/// A local light's near plane as a share of the scene's extent, as its shadow maps have it.
-const NEAR_SHARE: f32 = 1e-4;
+/// A local light's near plane as a share of the scene's extent: what is before it gets no light to scatter on, and reversed
+/// depths are as exact however near it is. So lamps light the rooms of a scene of kilometres.
+const NEAR_SHARE: f32 = 1e-7;
 /// A spot with a wider half angle is looked at like a point, radians.
 const WIDEST: f32 = 1.3;
 /// From a cube face's axis to its corner, radians.

@@ -63,6 +63,20 @@ fn lamps_over_a_floor_have_the_flux_of_their_formulas() {
 }
 
 #[test]
+fn what_is_far_away_takes_nothing_from_what_a_lamp_is_near_to() {
+    let gpu = device();
+    let mut studio = Studio::new(&gpu, settings(&[]));
+    for kind in [LightKind::Spot { inner_rad: 0.3, outer_rad: 0.6 }, LightKind::Point] {
+        let mut stage = floor(grey(0.6));
+        stage.light(kind, 10.0, None, Vec3::Y * 0.5, DOWN);
+        let alone = total(&mut studio, &stage);
+        let white = stage.lambert(0.6);
+        stage.quad(Vec3::X * 1e6, Vec3::X, Vec3::NEG_Z, white);
+        assert_near(total(&mut studio, &stage), alone, &format!("{kind:?}"));
+    }
+}
+
+#[test]
 fn metals_and_holes_carry_nothing() {
     let gpu = device();
     let mut studio = Studio::new(&gpu, settings(&[]));
