@@ -8,6 +8,7 @@ use chiaro_techniques::indirect::points::PointData;
 use chiaro_techniques::light::{illuminance_scale, light_data};
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::Casters;
+use glam::Vec3;
 
 use crate::indirect::LitScene;
 use crate::{Error, Settings, Trees};
@@ -51,6 +52,8 @@ pub(crate) const WHITE_STORED: f32 = 256.0;
 const LEAST_WHITE_STORED: f32 = 1.0;
 /// What the environment's brightest texel may be stored as.
 const PEAK_STORED: f32 = 32_768.0;
+/// The brightest places that lamps shine at make everything at most this much darker: a lamp may lie in a ceiling.
+const LEAST_OF_LAMPS: f32 = 1.0 / 16_384.0;
 
 impl LoadedScene {
     pub(crate) fn new(
@@ -211,7 +214,27 @@ fn radiance_scale(
     let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
     let around = environment.map_or(0.0, |map| map.harmonics.mean.max_element());
     let peak = environment.map_or(0.0, |map| map.peak);
-    stored_per_nit(radiance.max(glow).max(around), peak)
+    let scale = stored_per_nit(radiance.max(glow).max(around), peak);
+    // Where a lamp hangs low over a wide ground, what it shines at is far brighter than what is typical.
+    let nearest = lights.iter().map(|light| ground_illuminance(casters, light)).fold(0.0, f32::max);
+    let most = PEAK_STORED * std::f32::consts::PI / nearest.max(1e-30);
+    let fits = most.log2().floor().clamp(-60.0, 60.0).exp2();
+    scale.min(fits.max(scale * LEAST_OF_LAMPS))
+}
+
+/// The most that a lamp gives a ground, lux.
+fn ground_illuminance(casters: &Casters, light: &LightData) -> f32 {
+    if light.kind == LightData::DIRECTIONAL {
+        return 0.0;
+    }
+    let peak = Vec3::from(light.intensity).max_element();
+    let lit = casters.towards_grounds(light.position_ws.into()).filter_map(|to| {
+        // Within a spot's cone as near as its edge comes.
+        let off = to.angle_between(light.direction_ws.into()) - light.cone_rad;
+        let along = to.length() / off.max(0.0).cos();
+        (along > 0.0 && along.is_finite()).then(|| peak / (along * along))
+    });
+    lit.fold(0.0, f32::max)
 }
 
 /// Stored radiance per nit where white surfaces have as many nits as `brightest`, and the environment at most `peak`.

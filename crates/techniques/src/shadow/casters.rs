@@ -127,6 +127,12 @@ impl Casters {
         self.nearest(place).filter(|_| self.parts.len() > 1).map(|part| part.all)
     }
 
+    /// From a place to the nearest point of each large flat or rounded thing around which there is nothing of it.
+    pub fn towards_grounds(&self, place: Vec3) -> impl Iterator<Item = Vec3> + '_ {
+        let grounds = self.parts.iter().flat_map(|part| &part.grounds);
+        grounds.map(move |ground| place.clamp(ground.bounds.0, ground.bounds.1) - place)
+    }
+
     fn nearest(&self, place: Vec3) -> Option<&Part> {
         let away = |part: &&Part| place.distance(place.clamp(part.all.0, part.all.1));
         self.parts.iter().min_by(|a, b| away(a).total_cmp(&away(b)))

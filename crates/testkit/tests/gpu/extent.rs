@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use chiaro::scene::{LightKind, Mesh, Node, Primitive, Scene};
-use chiaro::{Lookout, Pipeline, ReferenceOptions, Settings};
+use chiaro::{Lookout, Pipeline, ReferenceOptions, Settings, View};
 use chiaro_image::Image;
 use chiaro_testkit::{Stage, Studio, Truth, device, direct, nmae};
 use glam::{Affine3A, DVec3, Vec3};
@@ -218,5 +218,28 @@ fn a_pose_that_throws_a_box_far_away_spoils_nothing_there_and_nothing_once_it_is
         loaded.set_pose(&stage.scene, &stage.scene.rest()).unwrap();
         let error = nmae(&look(&loaded), &with);
         assert!(error < 2e-3, "back from {far_m} m: {error}");
+    }
+}
+
+#[test]
+fn a_lamp_low_over_a_ground_of_kilometres_is_as_bright_as_its_formula_says() {
+    let gpu = device();
+    let mut studio = Studio::new(&gpu, direct(&[("shadow.layout", "none")]));
+    let mut brightest = |half: f32, intensity: f32| {
+        let mut stage = Stage::new();
+        let white = stage.lambert(0.8);
+        stage.quad(Vec3::ZERO, Vec3::X * half, Vec3::NEG_Z * half, white);
+        stage.light(LightKind::Point, intensity, None, Vec3::Y * 0.4, Vec3::NEG_Y);
+        let scene = studio.load(&stage.scene);
+        let image =
+            studio.radiance(&scene, &View::look_at(Vec3::new(0.0, 1.0, 1.0), Vec3::ZERO, 0.5, 0.05), SIZE, 1);
+        image.pixels().iter().map(|pixel| pixel[1]).fold(0.0, f32::max)
+    };
+    for half in [2.0, 2500.0] {
+        for intensity in [10.0, 1e5] {
+            let expected = 0.8 / PI * intensity / 0.16;
+            let found = brightest(half, intensity);
+            assert!((found / expected - 1.0).abs() < 0.01, "{half} m: {found}, not {expected} nits");
+        }
     }
 }
