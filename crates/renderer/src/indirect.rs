@@ -14,6 +14,7 @@ use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::ShadowOutputs;
 use chiaro_techniques::view::culling::{Culling, DrawLists};
 use chiaro_techniques::view::{Surfaces, ViewData, ViewTable};
+use glam::Vec3;
 
 use crate::{Error, Settings};
 
@@ -61,6 +62,8 @@ pub(crate) struct IndirectRooms {
 /// What a frame asks for.
 pub(crate) struct Wanted<'a> {
     pub lights: &'a [LightData],
+    /// Of each sun, which come first: a box around what casts its shadows, where that is a small part of the scene.
+    pub near: &'a [Option<(Vec3, Vec3)>],
     pub round: u32,
     /// Of frames that are averaged: 1/√ of how many.
     pub share: f32,
@@ -130,7 +133,7 @@ const LEAST_RSM_SIDE: u32 = 16;
 fn reflective_views(
     gpu: &Gpu,
     scene: &SceneGpu,
-    lights: &[LightData],
+    (lights, near): (&[LightData], &[Option<(Vec3, Vec3)>]),
     settings: &IndirectSettings,
     candidates: u32,
 ) -> (Vec<RsmView>, Option<String>) {
@@ -138,7 +141,7 @@ fn reflective_views(
     let most = MOST_RSM_BYTES.min(gpu.limits.max_storage_buffer_binding_size);
     let mut side = wanted;
     loop {
-        let views = rsm::fit(lights, scene.bounds_ws, side, candidates);
+        let views = rsm::fit(lights, (scene.bounds_ws, near), side, candidates);
         if rsm::bytes(&views) <= most || side / 2 < LEAST_RSM_SIDE {
             let note = (side < wanted).then(|| {
                 let count = views.len();
@@ -168,7 +171,7 @@ impl IndirectRooms {
     ) -> Result<IndirectPlan, Error> {
         let indirect = &settings.indirect;
         let evenly = if indirect.sampling == VplSampling::Halton { candidates(indirect) } else { 0 };
-        let (views, note) = reflective_views(gpu, scene.gpu, wanted.lights, indirect, evenly);
+        let (views, note) = reflective_views(gpu, scene.gpu, (wanted.lights, wanted.near), indirect, evenly);
         let most = if wanted.moves { indirect.rsm_maps as usize } else { usize::MAX };
         let of = (scene.gpu, passes.surfaces);
         let rsm = passes.rsm.plan((gpu, pool), of, views, (most, indirect.rsm_cache), &mut self.rsm)?;

@@ -334,8 +334,12 @@ impl Renderer {
         let at_once = Culling::views_at_once(gpu, &scene.gpu);
         let (known, fitted) = shadow_plan.views();
         rooms.views.anisotropy = settings.surface.anisotropy;
+        let suns = lights.iter().filter(|light| gathers && light.kind == LightData::DIRECTIONAL);
+        let near: Vec<_> =
+            suns.map(|sun| scene.casters.casting(sun.direction_ws.into(), view.eye_ws(), bounds)).collect();
         let wanted = Wanted {
             lights: &lights,
+            near: &near,
             round,
             share: if moves.is_some() { 1.0 } else { footprint_scale },
             size_px,

@@ -288,8 +288,8 @@ fn rust_structs_equal_their_wesl_twins() {
         is_parallel,
         first,
         count,
-        reserved0,
-        reserved1,
+        finer_from,
+        finer_to,
     );
     same!(
         &linked("indirect/pictures/rsm.cs.wesl"),

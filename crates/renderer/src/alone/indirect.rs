@@ -138,6 +138,7 @@ impl IndirectLight {
         let scene = LitScene { gpu: &self.scene, points: self.points.as_ref(), tracer: Some(tracer) };
         let wanted = Wanted {
             lights: &lights,
+            near: &[],
             round: 0,
             share: 1.0,
             size_px,

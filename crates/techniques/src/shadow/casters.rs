@@ -133,6 +133,11 @@ impl Casters {
         grounds.map(move |ground| place.clamp(ground.bounds.0, ground.bounds.1) - place)
     }
 
+    /// A box around what casts a sun's shadows about a camera, where that is a small part of a scene of these bounds.
+    pub fn casting(&self, direction: Vec3, eye: Vec3, scene: Bounds) -> Option<Bounds> {
+        self.shadowed(direction, eye, scene).map(|shadowed| shadowed.casting)
+    }
+
     fn nearest(&self, place: Vec3) -> Option<&Part> {
         let away = |part: &&Part| place.distance(place.clamp(part.all.0, part.all.1));
         self.parts.iter().min_by(|a, b| away(a).total_cmp(&away(b)))

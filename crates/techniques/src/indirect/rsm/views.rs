@@ -14,6 +14,8 @@ const NEAR_SHARE: f32 = 1e-7;
 const WIDEST: f32 = 1.3;
 /// From a cube face's axis to its corner, radians.
 const FACE: f32 = 0.955_32;
+/// A sun's second map is made where it is at most this share of the first across.
+const MUCH_FINER: f32 = 0.25;
 /// Texels of a tile's side; twin of `TILE` in `rsm.wesl`.
 pub(super) const TILE: u32 = 8;
 
@@ -33,8 +35,9 @@ pub struct RsmViewData {
     pub is_parallel: u32,
     pub first: u32,
     pub count: u32,
-    pub reserved0: u32,
-    pub reserved1: u32,
+    /// Texels that another map shows finer: x in the lower 16 bits, y in the upper ones, from these up to but without those.
+    pub finer_from: u32,
+    pub finer_to: u32,
 }
 
 /// A map to be drawn.
@@ -68,12 +71,23 @@ fn tiles(side: u32) -> u32 {
 /// The views of all lights, in their order: of a sun one around the scene, of a spot one around its cone, of a point, and of
 /// a spot wider than 75°, the faces of a cube that it shines at, with half as many texels a side.
 ///
+/// `near`: where what casts a sun's shadows is only a small part of the scene, a box around that. The sun then has a map
+/// of its own there, and the one around the scene leaves it out.
+///
 /// `candidates`: dealt out to views by power where they are placed evenly.
-pub fn fit(lights: &[LightData], bounds_ws: (Vec3, Vec3), resolution: u32, candidates: u32) -> Vec<RsmView> {
+pub fn fit(
+    lights: &[LightData],
+    (bounds_ws, near): ((Vec3, Vec3), &[Option<(Vec3, Vec3)>]),
+    resolution: u32,
+    candidates: u32,
+) -> Vec<RsmView> {
     let mut views = Vec::new();
     for (number, light) in (0..).zip(lights) {
         if light.kind == LightData::DIRECTIONAL {
-            views.push(sun(light, number, bounds_ws, resolution));
+            let mut wide = Sun::around(light, bounds_ws, resolution);
+            let near = near.get(number as usize).copied().flatten();
+            let finer = near.and_then(|near| wide.leave_out(light, near));
+            views.extend([Some(wide), finer].into_iter().flatten().map(|sun| sun.view(light, number)));
             continue;
         }
         let outer = light.cone_rad;
@@ -126,33 +140,80 @@ fn mean(light: &LightData) -> f32 {
     if mean.is_finite() { mean.max(0.0) } else { 0.0 }
 }
 
-fn sun(light: &LightData, number: u32, bounds_ws: (Vec3, Vec3), side: u32) -> RsmView {
-    let direction = Vec3::from(light.direction_ws);
-    let axes = light_axes(direction);
-    let center = 0.5 * (bounds_ws.0 + bounds_ws.1);
-    let around = corners(bounds_ws).map(|corner| axes * (corner - center));
-    let half = around.into_iter().fold(Vec3::ZERO, |half, corner| half.max(corner.abs()));
-    let slack = slack(-half.z, half.z, bounds_ws);
-    // A scene without extent has a map all the same.
-    let least = 1e-3 * half.max_element().max(1e-6);
-    let across = 1.001 * half.truncate().max(Vec2::splat(least));
-    let clip_from_relative =
-        reversed_orthographic(across, -half.z - slack, half.z + slack) * Mat4::from_quat(axes);
-    let texel = 4.0 * across.x * across.y / (side * side) as f32;
-    let data = RsmViewData {
-        relative_from_clip: clip_from_relative.inverse().to_cols_array_2d(),
-        eye_ws: center.to_array(),
-        light: number,
-        axis_ws: direction.to_array(),
-        texel,
-        side,
-        is_parallel: 1,
-        ..Zeroable::zeroed()
-    };
-    let clip_from_ws = clip_from_relative * Mat4::from_translation(-center);
-    let draw = ViewData::new(&clip_from_ws, direction.extend(0.0), [side; 2]);
-    let power = mean(light) * 4.0 * across.x * across.y;
-    RsmView { draw: draw.dropping_back_faces(), data, power, light: *light }
+/// Where a sun's map is, along the axes of [`light_axes`] about the scene's middle, metres.
+#[derive(Clone, Copy, Debug)]
+struct Sun {
+    center: Vec3,
+    half: Vec2,
+    near: f32,
+    far: f32,
+    side: u32,
+    // See `RsmViewData`.
+    finer: [u32; 2],
+}
+
+impl Sun {
+    fn around(light: &LightData, bounds_ws: (Vec3, Vec3), side: u32) -> Self {
+        let axes = light_axes(light.direction_ws.into());
+        let center = 0.5 * (bounds_ws.0 + bounds_ws.1);
+        let around = corners(bounds_ws).map(|corner| axes * (corner - center));
+        let half = around.into_iter().fold(Vec3::ZERO, |half, corner| half.max(corner.abs()));
+        let slack = slack(-half.z, half.z, bounds_ws);
+        // A scene without extent has a map all the same.
+        let least = 1e-3 * half.max_element().max(1e-6);
+        let across = 1.001 * half.truncate().max(Vec2::splat(least));
+        Self { center, half: across, near: -half.z - slack, far: half.z + slack, side, finer: [0; 2] }
+    }
+
+    /// The map of what is within its own extent of a box, in whole texels of this one, which leaves it out; none where that is
+    /// not much finer.
+    fn leave_out(&mut self, light: &LightData, near: (Vec3, Vec3)) -> Option<Self> {
+        let axes = light_axes(light.direction_ws.into());
+        let [mut low, mut high] = [Vec2::INFINITY, Vec2::NEG_INFINITY];
+        for corner in corners(near) {
+            let at = (axes * (corner - self.center)).truncate();
+            (low, high) = (low.min(at), high.max(at));
+        }
+        let around = Vec2::splat((near.1 - near.0).length());
+        let texels = self.side as f32;
+        // Rows go down.
+        let to_texel = |at: Vec2| (at / self.half * Vec2::new(0.5, -0.5) + 0.5) * texels;
+        let [a, b] = [to_texel(low - around), to_texel(high + around)];
+        let from = a.min(b).floor().clamp(Vec2::ZERO, Vec2::splat(texels));
+        let to = a.max(b).ceil().clamp(Vec2::ZERO, Vec2::splat(texels));
+        let wide = to - from;
+        if !(wide.min_element() >= 1.0 && wide.max_element() <= MUCH_FINER * texels) {
+            return None;
+        }
+        let packed = |at: Vec2| at.x as u32 | (at.y as u32) << 16;
+        self.finer = [packed(from), packed(to)];
+        let middle = (0.5 * (from + to) / texels - 0.5) * Vec2::new(2.0, -2.0) * self.half;
+        let center = self.center + axes.inverse() * middle.extend(0.0);
+        Some(Self { center, half: wide / texels * self.half, finer: [0; 2], ..*self })
+    }
+
+    fn view(self, light: &LightData, number: u32) -> RsmView {
+        let Self { center, half, near, far, side, finer: [finer_from, finer_to] } = self;
+        let direction = Vec3::from(light.direction_ws);
+        let clip_from_relative =
+            reversed_orthographic(half, near, far) * Mat4::from_quat(light_axes(direction));
+        let data = RsmViewData {
+            relative_from_clip: clip_from_relative.inverse().to_cols_array_2d(),
+            eye_ws: center.to_array(),
+            light: number,
+            axis_ws: direction.to_array(),
+            texel: 4.0 * half.x * half.y / (side * side) as f32,
+            side,
+            is_parallel: 1,
+            finer_from,
+            finer_to,
+            ..Zeroable::zeroed()
+        };
+        let clip_from_ws = clip_from_relative * Mat4::from_translation(-center);
+        let draw = ViewData::new(&clip_from_ws, direction.extend(0.0), [side; 2]);
+        let power = mean(light) * 4.0 * half.x * half.y;
+        RsmView { draw: draw.dropping_back_faces(), data, power, light: *light }
+    }
 }
 
 fn local(
@@ -214,15 +275,44 @@ mod tests {
             light(LightData::POINT, std::f32::consts::PI),
             light(LightData::SPOT, 1.5),
         ];
-        let of = |kind| fit(&lights[kind..=kind], BOUNDS, 512, 100).len();
+        let of = |kind| fit(&lights[kind..=kind], (BOUNDS, &[]), 512, 100).len();
         // Downwards within 86°: all but the face upwards.
         assert_eq!([of(0), of(1), of(2), of(3)], [1, 1, 6, 5]);
-        let views = fit(&lights, BOUNDS, 512, 100);
+        let views = fit(&lights, (BOUNDS, &[]), 512, 100);
         let ends: Vec<_> = views.iter().map(|view| view.data.first + view.data.count).collect();
         assert_eq!(ends.last(), Some(&100));
         assert!(
             views.iter().zip(&ends).skip(1).all(|(view, _)| view.data.tiles == 2 * 64 * 64 + 11 * 32 * 32)
         );
+    }
+
+    #[test]
+    fn what_casts_in_a_small_part_of_a_scene_has_a_map_that_the_other_leaves_out() {
+        let sun = light(LightData::DIRECTIONAL, 0.0);
+        let slanted = LightData { direction_ws: Vec3::new(0.3, -0.8, 0.2).normalize().to_array(), ..sun };
+        let wide = (Vec3::new(-100.0, 0.0, -100.0), Vec3::new(100.0, 2.0, 100.0));
+        let room = (Vec3::new(40.0, 0.0, -31.0), Vec3::new(42.0, 2.0, -29.0));
+        for light in [sun, slanted] {
+            let views = fit(&[light], (wide, &[Some(room)]), 512, 0);
+            assert_eq!(views.len(), 2);
+            let [outer, inner] = [views[0].data, views[1].data];
+            let [from, to] = [outer.finer_from, outer.finer_to].map(|at| [at & 0xffff, at >> 16]);
+            let texels = (to[0] - from[0]) * (to[1] - from[1]);
+            let share = inner.texel * (inner.side * inner.side) as f32 / (outer.texel * texels as f32);
+            assert!((share - 1.0).abs() < 1e-3, "the second map is {share} of what the first leaves out");
+            // A place of the room is in the second, and in the first where that leaves it out.
+            let seen = |data: &RsmViewData, at: Vec3| {
+                let clip = Mat4::from_cols_array_2d(&data.relative_from_clip).inverse();
+                let ndc = clip.project_point3(at - Vec3::from(data.eye_ws)).truncate();
+                (ndc * Vec2::new(0.5, -0.5) + 0.5) * data.side as f32
+            };
+            let at = Vec3::new(41.5, 1.0, -30.4);
+            let (first, second) = (seen(&outer, at), seen(&inner, at));
+            assert!(second.min_element() > 100.0 && second.max_element() < 412.0, "{second}");
+            let within = |i: usize| (from[i] as f32..to[i] as f32).contains(&first[i]);
+            assert!(within(0) && within(1), "{first} of {from:?} to {to:?}");
+        }
+        assert_eq!(fit(&[sun], (room, &[Some(room)]), 512, 0).len(), 1);
     }
 
     #[test]
@@ -233,14 +323,14 @@ mod tests {
         for (candidates, expected) in
             [(100, [1, 98, 0, 1]), (3, [1, 1, 0, 1]), (2, [0, 2, 0, 0]), (0, [0; 4])]
         {
-            let views = fit(&lights, BOUNDS, 64, candidates);
+            let views = fit(&lights, (BOUNDS, &[]), 64, candidates);
             assert_eq!(views.iter().map(|view| view.data.count).collect::<Vec<_>>(), expected);
         }
     }
 
     #[test]
     fn texels_of_a_cube_make_a_whole_sphere() {
-        let views = fit(&[light(LightData::POINT, std::f32::consts::PI)], BOUNDS, 128, 0);
+        let views = fit(&[light(LightData::POINT, std::f32::consts::PI)], (BOUNDS, &[]), 128, 0);
         let side = views[0].data.side;
         let mut sphere = 0.0;
         for y in 0..side {

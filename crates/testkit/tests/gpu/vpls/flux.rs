@@ -160,3 +160,22 @@ fn a_light_in_a_closed_box_lights_its_inside_alone() {
         }
     }
 }
+
+#[test]
+fn a_sun_over_a_wide_ground_has_a_finer_map_of_what_stands_on_it_and_counts_nothing_twice() {
+    let gpu = device();
+    let mut studio = Studio::new(&gpu, settings(&[]));
+    let mut stage = Stage::new();
+    let id = stage.material(Material { specular: 0.0, double_sided: true, ..grey(0.6) });
+    stage.quad(Vec3::ZERO, Vec3::X * 200.0, Vec3::NEG_Z * 200.0, id);
+    stage.cuboid(Vec3::new(3.0, 0.5, -2.0), Vec3::splat(0.5), id);
+    stage.sun(3.0, Vec3::new(0.3, -1.0, 0.2).normalize());
+    let scene = studio.load(&stage.scene);
+    let placed = Placed::new(&mut studio, &scene);
+    assert_eq!(placed.views.len(), 2);
+    let cosine = f64::from(Vec3::new(0.3, -1.0, 0.2).normalize().y.abs());
+    // The map reaches a little beyond the ground, where it has no texels to lose.
+    assert_near(placed.total(), 3.0 * 160_000.0 * cosine * 0.6, "ground and box");
+    let [from, to] = [placed.views[0].finer_from, placed.views[0].finer_to];
+    assert!(from < to, "{from:x} to {to:x}");
+}

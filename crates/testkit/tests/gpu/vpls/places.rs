@@ -84,8 +84,10 @@ fn texels_are_chosen_as_often_as_their_weights_say() {
     // Three suns, of which one has no power of two texels a side.
     let suns = [LightData { direction_ws: [0.0, -1.0, 0.0], intensity: [1.0; 3], ..Zeroable::zeroed() }; 3];
     let bounds = (Vec3::NEG_ONE, Vec3::ONE);
-    let views: Vec<_> =
-        fit(&suns, bounds, 72, 0).into_iter().map(|view| RsmViewData { light: 0, ..view.data }).collect();
+    let views: Vec<_> = fit(&suns, (bounds, &[]), 72, 0)
+        .into_iter()
+        .map(|view| RsmViewData { light: 0, ..view.data })
+        .collect();
     let texels = views[0].tiles as usize * TILE_TEXELS;
     let mut random = Random::new(9);
     let weights: Vec<_> = (0..texels)
@@ -127,7 +129,8 @@ fn texels_are_chosen_as_often_as_their_weights_say() {
 #[test]
 fn a_single_lit_texel_is_always_found() {
     let sun = LightData { direction_ws: [0.0, -1.0, 0.0], intensity: [1.0; 3], ..Zeroable::zeroed() };
-    let views: Vec<_> = fit(&[sun], (Vec3::NEG_ONE, Vec3::ONE), 64, 0).iter().map(|view| view.data).collect();
+    let views: Vec<_> =
+        fit(&[sun], ((Vec3::NEG_ONE, Vec3::ONE), &[]), 64, 0).iter().map(|view| view.data).collect();
     for at in [0, 63, 64, 2000, 4095] {
         let mut weights = vec![0.0; 4096];
         weights[at] = 3e-7;
