@@ -324,6 +324,9 @@ fn rust_structs_equal_their_wesl_twins() {
         pyramid,
         splat,
         bounce,
+        reserved0,
+        reserved1,
+        reserved2,
     );
     same!(
         &linked("indirect/bounces/place.cs.wesl"),
@@ -337,6 +340,9 @@ fn rust_structs_equal_their_wesl_twins() {
         appends,
         turn,
         shift,
+        reserved0,
+        reserved1,
+        reserved2,
     );
     let refit = &linked("rays/refit.cs.wesl");
     same!(refit, RefitJob, "RefitJob", node, own, children, pad);

@@ -66,7 +66,9 @@ pub(crate) struct BounceData {
     pub(crate) appends: u32,
     pub(crate) turn: [f32; 2],
     pub(crate) shift: f32,
-    pub(crate) reserved: [u32; 3],
+    pub(crate) reserved0: u32,
+    pub(crate) reserved1: u32,
+    pub(crate) reserved2: u32,
 }
 
 /// What the passes are told through.
@@ -126,7 +128,9 @@ impl Bounces {
             appends: 0,
             turn: [turned(0), turned(1)],
             shift: turned(2),
-            reserved: [0; 3],
+            reserved0: 0,
+            reserved1: 0,
+            reserved2: 0,
         };
         let bounce = ("bounce", (&room.uniform).into());
         let vpls = ("vpls", inputs.vpls.into());

@@ -120,7 +120,9 @@ pub(crate) struct IsmData {
     pub(crate) pyramid: u32,
     pub(crate) splat: f32,
     pub(crate) bounce: u32,
-    pub(crate) reserved: [u32; 3],
+    pub(crate) reserved0: u32,
+    pub(crate) reserved1: u32,
+    pub(crate) reserved2: u32,
 }
 
 /// What is drawn.
@@ -363,7 +365,9 @@ impl Ism {
                 pyramid: plan.pyramid(),
                 splat: settings.splat,
                 bounce: inputs.bounce,
-                reserved: [0; 3],
+                reserved0: 0,
+                reserved1: 0,
+                reserved2: 0,
             };
             frame.upload(&atlas.uniform, &[data]);
             let [words, uniform] = atlas.binds();
