@@ -2,6 +2,7 @@
 
 use chiaro_gpu::{Buffer, Frame, Gpu, Group, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
+use chiaro_techniques::indirect::bounces::{BounceRoom, Bounces};
 use chiaro_techniques::indirect::compensate::{Compensate, CompensateInputs, CompensateRoom};
 use chiaro_techniques::indirect::gather::{Gather, GatherInputs, GatherRoom};
 use chiaro_techniques::indirect::ism::{Ism, IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
@@ -29,6 +30,8 @@ pub(crate) struct IndirectPasses<'a> {
     // Where settings ask for imperfect shadow maps.
     pub points: Option<&'a Points>,
     pub ism: Option<&'a Ism>,
+    // Where settings ask for more than one.
+    pub bounces: Option<&'a Bounces>,
     // Where settings ask for it.
     pub compensate: Option<&'a Compensate>,
     // Where something may ask for them.
@@ -51,6 +54,7 @@ pub(crate) struct IndirectRooms {
     rsm: Option<RsmRoom>,
     vpls: Option<VplRoom>,
     ism: Option<IsmRoom>,
+    bounces: Option<BounceRoom>,
     compensate: Option<CompensateRoom>,
     gather: Option<GatherRoom>,
     // Of see-through layers.
@@ -180,7 +184,7 @@ impl IndirectRooms {
         match (passes.points, passes.ism, scene.points) {
             (Some(points), Some(ism), Some(data)) if settings.points().is_some() => {
                 points.room(gpu, data, &mut self.points)?;
-                let plan = IsmPlan::new(gpu, indirect, indirect.vpls)?;
+                let plan = IsmPlan::new(gpu, indirect, indirect.all_slots())?;
                 let room = chiaro_gpu::keep(
                     &mut self.ism,
                     |room| room.serves(plan, wanted.pictures),
@@ -190,6 +194,7 @@ impl IndirectRooms {
             }
             _ => (self.points, self.ism) = (None, None),
         }
+        self.bounces = passes.bounces.map(|bounces| self.bounces.take().unwrap_or_else(|| bounces.room(gpu)));
         match passes.compensate.filter(|_| indirect.compensates()) {
             Some(compensate) => {
                 compensate.room(gpu, pool, wanted.size_px, &mut self.compensate);
@@ -239,15 +244,23 @@ impl IndirectRooms {
         {
             points.record(frame, scene.gpu, pool);
             let (lo, hi) = scene.gpu.bounds_ws;
-            let shadowed = IsmInputs {
+            let mut shadowed = IsmInputs {
                 points: &pool.points,
                 pool: pool.count,
                 vpls: &placed.vpls,
                 vpl_count: &placed.count,
+                bounce: 0,
                 scene_area_m2: data.area_m2 as f32,
                 largest_m: lo.distance(hi).max(f32::MIN_POSITIVE),
             };
             ism.record(frame, indirect, &shadowed, room);
+            if let (Some(bounces), Some(told)) = (passes.bounces, &self.bounces) {
+                for bounce in 1..indirect.made_bounces() {
+                    shadowed.bounce = bounce;
+                    bounces.record(frame, how, &shadowed, room.atlases(), told);
+                    ism.record(frame, indirect, &shadowed, room);
+                }
+            }
         }
         if let (Some(pictures), Some(room)) = (passes.pictures, &self.pictures) {
             let shown = PictureInputs {

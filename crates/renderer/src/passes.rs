@@ -2,6 +2,7 @@
 
 use chiaro_gpu::{GpuError, parallel};
 use chiaro_techniques::direct::{DirectLight, Permutations};
+use chiaro_techniques::indirect::bounces::Bounces;
 use chiaro_techniques::indirect::compensate::Compensate;
 use chiaro_techniques::indirect::gather::{Gather, GatherKey};
 use chiaro_techniques::indirect::ism::Ism;
@@ -103,6 +104,7 @@ passes! {
     };
     vpls: Option<Vpls> = |settings: &Settings, _| settings.indirect.technique.makes_vpls().then_some(());
     ism: Option<Ism> = |settings: &Settings, _| settings.points().is_some().then_some(());
+    bounces: Option<Bounces> = |settings: &Settings, _| (settings.indirect.made_bounces() > 1).then_some(());
     compensate: Option<Compensate> = |settings: &Settings, facts| {
         // Bounds come and go without compiling.
         let wanted = settings.indirect.compensate && settings.indirect.technique.makes_vpls();
@@ -128,6 +130,7 @@ impl Passes {
             gather: self.gather.as_ref()?,
             points: self.points.as_ref(),
             ism: self.ism.as_ref(),
+            bounces: self.bounces.as_ref(),
             compensate: self.compensate.as_ref(),
             pictures: self.pictures.as_ref(),
         })

@@ -8,6 +8,7 @@ use chiaro_gpu::shader::{Linked, check_layout};
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::indirect::Vpl;
+use crate::indirect::bounces::BounceData;
 use crate::indirect::compensate::CompensateData;
 use crate::indirect::foreign::ForeignData;
 use crate::indirect::gather::GatherData;
@@ -322,6 +323,26 @@ fn rust_structs_equal_their_wesl_twins() {
         push_threshold,
         pyramid,
         splat,
+        bounce,
+        reserved0,
+        reserved1,
+        reserved2,
+    );
+    same!(
+        &linked("indirect/bounces/place.cs.wesl"),
+        BounceData,
+        "Bounce",
+        number,
+        first,
+        most,
+        first_block,
+        place,
+        appends,
+        turn,
+        shift,
+        reserved0,
+        reserved1,
+        reserved2,
     );
     let refit = &linked("rays/refit.cs.wesl");
     same!(refit, RefitJob, "RefitJob", node, own, children, pad);

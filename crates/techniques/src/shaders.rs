@@ -44,6 +44,9 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("environment/prefilter.cs.wesl"),
     shader!("environment/project.cs.wesl"),
     shader!("frame/frame.wesl"),
+    shader!("indirect/bounces/bounce.wesl"),
+    shader!("indirect/bounces/place.cs.wesl"),
+    shader!("indirect/bounces/spread.cs.wesl"),
     shader!("indirect/foreign/radiance.cs.wesl"),
     shader!("indirect/foreign/surface.cs.wesl"),
     shader!("indirect/compensate/nearby.cs.wesl"),
@@ -55,6 +58,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("indirect/gather/lookup.wesl"),
     shader!("indirect/gather/place.wesl"),
     shader!("indirect/ism/atlas.wesl"),
+    shader!("indirect/ism/counted.wesl"),
     shader!("indirect/ism/lookup.wesl"),
     shader!("indirect/ism/paraboloid.wesl"),
     shader!("indirect/ism/picture.cs.wesl"),
@@ -182,6 +186,8 @@ pub fn library() -> Library {
 /// every entry file stands here.
 pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
+        "indirect/bounces/place.cs.wesl",
+        "indirect/bounces/spread.cs.wesl",
         "indirect/foreign/radiance.cs.wesl",
         "indirect/foreign/surface.cs.wesl",
         "indirect/compensate/nearby.cs.wesl",

@@ -2,7 +2,7 @@
 //! the first surface is direct light, and in [`crate::environment`]; the technique says whether it is taken for a source.
 //!
 //! [`Technique::Ambient`] is an estimate for the whole scene ([`ambient`]). The others put virtual lights where lamps
-//! shine, one bounce:
+//! shine:
 //!
 //! | step | module | once |
 //! | --- | --- | --- |
@@ -10,11 +10,13 @@
 //! | what each lamp shines at | [`rsm`] | a change |
 //! | virtual lights there | [`vpls`] | a frame |
 //! | a coarse shadow map of each | [`ism`] | a frame |
+//! | virtual lights where those shine, by their maps | [`bounces`] | a frame, and a further bounce |
 //! | what bounding their nearness takes, where it is given back | [`compensate`] | a frame |
 //! | their light where the camera looks | [`gather`] | a frame, and a layer of see-through surfaces |
 //! | the same on what another program has drawn | [`foreign`] | a frame |
 //! | what all this looks like | [`pictures`] | where asked for |
 
+pub mod bounces;
 pub mod compensate;
 pub mod foreign;
 pub mod gather;

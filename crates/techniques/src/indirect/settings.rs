@@ -1,6 +1,11 @@
 //! Settings of indirect light.
 
+use std::ops::Range;
+
 use crate::{choice, settings};
+
+/// Virtual lights of a further bounce, unless the first has fewer.
+const LEAST_SLOTS: u32 = 64;
 
 choice! {
     /// Where indirect light comes from.
@@ -88,6 +93,30 @@ choice! {
 }
 
 impl IndirectSettings {
+    /// Bounces at most.
+    pub const MOST_BOUNCES: u32 = 8;
+
+    /// Bounces that are made: imperfect shadow maps alone know what virtual lights shine at.
+    pub fn made_bounces(&self) -> u32 {
+        if self.technique == Technique::Ism { self.bounces.clamp(1, Self::MOST_BOUNCES) } else { 1 }
+    }
+
+    /// Numbers of the virtual lights that a bounce may have, the first being number 0: a quarter of the first's for the second,
+    /// and half as many for each further one.
+    pub fn slots(&self, bounce: u32) -> Range<u32> {
+        let most = |bounce: u32| match bounce {
+            0 => self.vpls,
+            _ => (self.vpls >> (bounce + 1)).max(LEAST_SLOTS.min(self.vpls)),
+        };
+        let first = (0..bounce).map(most).sum();
+        first..first + most(bounce)
+    }
+
+    /// Those of all bounces.
+    pub fn all_slots(&self) -> u32 {
+        self.slots(self.made_bounces() - 1).end
+    }
+
     /// Whether what bounding nearness takes is given back.
     pub fn compensates(&self) -> bool {
         self.compensate && self.clamp > 0.0 && self.technique.makes_vpls()
@@ -104,6 +133,10 @@ settings! {
         /// Virtual lights. More make light smoother and its shadows finer, and cost memory and time in proportion.
         vpls: u32 = 1024, "", 1..=65_535, Resources,
             only "indirect.technique=rsm|ism|traced";
+        /// Bounces of light. The second has a quarter of the virtual lights, each further one half as many, and each draws shadow
+        /// maps of its own: with two lights cost a quarter more, with many half as much again.
+        bounces: u32 = 1, "", 1..=8, Permutation,
+            only "indirect.technique=ism";
         /// Where virtual lights are put.
         sampling: VplSampling = VplSampling::View, "", (), Uniform,
             only "indirect.technique=rsm|ism|traced";

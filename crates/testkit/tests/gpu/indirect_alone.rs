@@ -22,6 +22,7 @@ fn small(technique: Technique) -> IndirectSettings {
         ism_resolution: IsmResolution::Side32,
         points: 4096,
         points_per_vpl: 512,
+        bounces: 2,
         ..IndirectSettings::default()
     }
 }
@@ -108,6 +109,7 @@ fn it_is_the_renderer_s_own_indirect_light_whichever_way_depth_runs() {
         ("shadow.rays", "1"),
         ("indirect.technique", "ism"),
         ("indirect.vpls", "64"),
+        ("indirect.bounces", "2"),
         ("indirect.rsm_resolution", "64"),
         ("indirect.ism_resolution", "32"),
         ("indirect.points", "4096"),

@@ -1,6 +1,7 @@
 //! Tests that need a GPU: functions against quadrature and formulas, analytic scenes through the whole renderer,
 //! pipelines against each other, references, goldens.
 
+mod bounces;
 mod brdf;
 mod brdf_sample;
 mod bsdf_sample;

@@ -1,6 +1,7 @@
 //! What makes indirect light, and nothing else.
 
 use chiaro_gpu::{GpuError, parallel};
+use chiaro_techniques::indirect::bounces::Bounces;
 use chiaro_techniques::indirect::foreign::Foreign;
 use chiaro_techniques::indirect::gather::{Gather, GatherKey};
 use chiaro_techniques::indirect::ism::Ism;
@@ -33,6 +34,7 @@ pub(super) struct Maker {
     gather: Gather,
     points: Option<Points>,
     ism: Option<Ism>,
+    bounces: Option<Bounces>,
 }
 
 impl Maker {
@@ -58,6 +60,7 @@ impl Maker {
             gather: Option<Gather> = gathers;
             surfaces: Surfaces = SurfaceKey::new(&settings.surface, facts);
             ism: Option<Ism> = draws_maps.then_some(());
+            bounces: Option<Bounces> = (settings.indirect.made_bounces() > 1).then_some(());
             points: Option<Points> = draws_maps.then_some(facts);
             vpls: Vpls = ();
             culling: Culling = ();
@@ -66,9 +69,35 @@ impl Maker {
             refit: Refit = ();
             foreign: Foreign = ();
         };
-        let (rsm, gather, surfaces, ism, points, vpls, culling, albedo_table, motion, refit, foreign) = made;
+        let (
+            rsm,
+            gather,
+            surfaces,
+            ism,
+            bounces,
+            points,
+            vpls,
+            culling,
+            albedo_table,
+            motion,
+            refit,
+            foreign,
+        ) = made;
         let gather = gather.ok_or(Error::NoPasses)?;
-        Ok(Self { motion, refit, foreign, albedo_table, surfaces, culling, rsm, vpls, gather, points, ism })
+        Ok(Self {
+            motion,
+            refit,
+            foreign,
+            albedo_table,
+            surfaces,
+            culling,
+            rsm,
+            vpls,
+            gather,
+            points,
+            ism,
+            bounces,
+        })
     }
 
     /// Those that indirect light is made by.
@@ -81,6 +110,7 @@ impl Maker {
             gather: &self.gather,
             points: self.points.as_ref(),
             ism: self.ism.as_ref(),
+            bounces: self.bounces.as_ref(),
             compensate: None,
             pictures: None,
         }

@@ -20,7 +20,8 @@
 //! That falls with d⁻⁴ beyond b: what is lost comes from near, mostly from what the picture shows. So that b is known at y
 //! without its VPLs, all are bounded as if they carried the same flux F, which is their mean by octaves
 //! ([`super::vpls`]): b² = clamp² F / (π M), by luminance. Where VPLs are placed by flux alone, that is each one's own disc.
-//! VPLs are lit by lamps alone, so M is of lamps' light alone, and once is enough: what is given back is not scattered on.
+//! M is of lamps' light alone, as VPLs of the first bounce are: what is given back is not scattered on, and VPLs of further bounces
+//! are bounded by their own discs and get nothing back.
 //!
 //! # Estimate
 //! The integral over the picture's pixels has a density of 1 / ρ² around x, as many places in each octave of the distance ρ, because

@@ -16,7 +16,7 @@
 //! | --- | --- | --- |
 //! | depth, surface | of the surface buffer | |
 //! | VPLs | [`Vpl`](super::Vpl) | world, m, lm |
-//! | their number | u32, the first word of a uniform of 16 bytes or more; the second: see [`super::compensate`] | |
+//! | their number | a uniform of four u32 for each of eight bounces: how many; of the first bounce see [`super::compensate`]; number of the first | |
 //! | `given_back`, where there is any | Rgba16Float: irradiance / π | nits · radiance scale |
 //! | maps | [`IsmAtlas`], in the order of the VPLs | |
 //! | output: `irradiance` | Rgba16Float: irradiance / π, at most 65,000; log2 of the view depth, −60 on sky and unlit surfaces | nits · radiance scale; m |
@@ -26,8 +26,8 @@
 //! `lookup.wesl` tells what light there is at a place that a pixel shows: `bounced_at`.
 //!
 //! # Gather
-//! Pixel (x, y) is of sub-image k = x mod n + n (y mod n), and is lit by VPLs k · N / n² up to (k + 1) · N / n², a contiguous
-//! block of the sequence that they come from, n² times as brightly. A VPL of flux Φ that scatters as Lambert's law has it, and
+//! Pixel (x, y) is of sub-image k = x mod n + n (y mod n), and is lit by VPLs k · N / n² up to (k + 1) · N / n² of each
+//! bounce's N, a contiguous block of the sequence that they come from, n² times as brightly. A VPL of flux Φ that scatters as Lambert's law has it, and
 //! stands for a disc of radius r, gives
 //!
 //! E = Φ / π · cos θ_vpl · cos θ_x · V / (d² + (clamp · r)²).
@@ -176,7 +176,7 @@ pub struct GatherInputs<'a> {
     pub surface: &'a Texture,
     /// [`Vpl`](super::Vpl)s.
     pub vpls: &'a Buffer,
-    /// How many, in its first word, and the flux that bounds go by; a uniform of at least 16 bytes.
+    /// For each of eight bounces four words: how many, the flux that bounds of the first one go by, and the number of the first.
     pub vpl_count: &'a Buffer,
     /// Their maps; as many as the room is for, none without maps.
     pub atlases: &'a [IsmAtlas],

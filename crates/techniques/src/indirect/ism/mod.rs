@@ -17,7 +17,7 @@
 //! | --- | --- | --- |
 //! | points | 16 bytes: position (3 f32), octahedral normal (2 snorm8), albedo (5-6-5, not read here) | world, m |
 //! | VPLs | [`Vpl`](super::Vpl) | world, m, lm |
-//! | their number | u32, the first word of its buffer | |
+//! | their number | four u32 a bounce: how many, not read, number of the first | |
 //! | output: an atlas | a texel: depth in the upper 19 bits, point of the block in the lower 13; 0xffffffff = nothing | distance / largest distance of the scene |
 //!
 //! `lookup.wesl` answers whether a VPL sees a place: `ism_visibility`.
@@ -119,6 +119,10 @@ pub(crate) struct IsmData {
     pub(crate) push_threshold: f32,
     pub(crate) pyramid: u32,
     pub(crate) splat: f32,
+    pub(crate) bounce: u32,
+    pub(crate) reserved0: u32,
+    pub(crate) reserved1: u32,
+    pub(crate) reserved2: u32,
 }
 
 /// What is drawn.
@@ -130,8 +134,10 @@ pub struct IsmInputs<'a> {
     pub pool: u32,
     /// [`Vpl`](super::Vpl)s.
     pub vpls: &'a Buffer,
-    /// How many, in its first word.
+    /// For each bounce four words: how many, one that is not read here, and the number of the first.
     pub vpl_count: &'a Buffer,
+    /// Number of the bounce whose maps are drawn, from 0 on.
+    pub bounce: u32,
     /// Area of all that the points stand for, m².
     pub scene_area_m2: f32,
     /// No two places of the scene are farther from each other, metres.
@@ -333,7 +339,7 @@ impl Ism {
         }
     }
 
-    /// Draws the maps of all VPLs, of which there are no more than the room was made for, and fills their holes.
+    /// Draws the maps of a bounce's VPLs, all of which have a tile in the room, and fills their holes.
     pub fn record<'r>(
         &self,
         frame: &mut Frame<'_>,
@@ -343,7 +349,7 @@ impl Ism {
     ) -> &'r [IsmAtlas] {
         let plan = room.plan;
         let points_per_vpl = settings.points_per_vpl.min(inputs.pool).max(1);
-        frame.copy((inputs.vpl_count, 0), (&room.groups, 0), 4);
+        frame.copy((inputs.vpl_count, 16 * u64::from(inputs.bounce)), (&room.groups, 0), 4);
         for atlas in &room.atlases {
             let data = IsmData {
                 largest_m: inputs.largest_m,
@@ -358,6 +364,10 @@ impl Ism {
                 push_threshold: settings.push_threshold,
                 pyramid: plan.pyramid(),
                 splat: settings.splat,
+                bounce: inputs.bounce,
+                reserved0: 0,
+                reserved1: 0,
+                reserved2: 0,
             };
             frame.upload(&atlas.uniform, &[data]);
             let [words, uniform] = atlas.binds();

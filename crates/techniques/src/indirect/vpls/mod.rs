@@ -83,7 +83,8 @@ pub fn candidates(settings: &IndirectSettings) -> u32 {
 pub struct VplRoom {
     /// [`Vpl`]s.
     pub vpls: Buffer,
-    /// How many, in its first word; in its second the mean of their fluxes by octaves, f32, lumens.
+    /// For each bounce four words: how many; of the first bounce the mean of their fluxes by octaves, f32, lumens; the number of
+    /// the first.
     pub count: Buffer,
     uniform: Buffer,
     sums: Buffer,
@@ -91,7 +92,7 @@ pub struct VplRoom {
     candidates: Buffer,
     worths: Buffer,
     chances: Buffer,
-    // Candidates, lights, tiles.
+    // Candidates, lights of all bounces, tiles.
     sizes: [u32; 3],
 }
 
@@ -101,7 +102,7 @@ impl VplRoom {
         &self.sums
     }
 
-    /// As many lights as there may be.
+    /// As many lights as there may be, of all bounces.
     pub fn most(&self) -> u32 {
         self.sizes[1]
     }
@@ -150,7 +151,7 @@ impl Vpls {
         tiles: u32,
         room: &'r mut Option<VplRoom>,
     ) -> &'r VplRoom {
-        let sizes = [candidates(settings), settings.vpls, tiles.max(1)];
+        let sizes = [candidates(settings), settings.all_slots(), tiles.max(1)];
         let serves = |room: &VplRoom| room.sizes == sizes;
         chiaro_gpu::keep(room, serves, || {
             let [candidates, vpls, tiles] = sizes.map(u64::from);
@@ -160,7 +161,11 @@ impl Vpls {
             let make = |name, bytes, usage| Buffer::new(gpu, name, Life::Frame, bytes, usage);
             VplRoom {
                 vpls: make("vpls", vpls * each, copied),
-                count: make("vpl_count", 16, copied | BufferUsages::UNIFORM),
+                count: make(
+                    "vpl_count",
+                    16 * u64::from(IndirectSettings::MOST_BOUNCES),
+                    copied | BufferUsages::UNIFORM,
+                ),
                 uniform: make(
                     "vpl_sampling",
                     size_of::<SamplingData>() as u64,
@@ -191,7 +196,7 @@ impl Vpls {
             candidates: candidates(settings),
             vpls: settings.vpls,
             round,
-            first_block: round.wrapping_mul(settings.vpls),
+            first_block: round.wrapping_mul(settings.all_slots()),
             mode: u32::from(settings.sampling == VplSampling::Halton),
             by_view: u32::from(settings.sampling == VplSampling::View),
             turn: [turn(seed, 0), turn(seed, 1)],
@@ -246,7 +251,7 @@ impl Vpls {
 }
 
 /// What a seed turns a sequence by, 0..1; nothing for seed 0.
-fn turn(seed: u32, dimension: u32) -> f32 {
+pub(super) fn turn(seed: u32, dimension: u32) -> f32 {
     let mut v = seed ^ dimension.wrapping_mul(0x85eb_ca6b);
     for multiplier in [0x7feb_352d, 0x846c_a68b] {
         v = (v ^ (v >> 15)).wrapping_mul(multiplier);

@@ -199,7 +199,8 @@ impl<'a> Rig<'a> {
     }
 
     fn buffers(&self, vpls: &[Vpl]) -> (Buffer, Buffer) {
-        let count = [vpls.len() as u32, EVEN_LM.to_bits(), 0, 0];
+        let mut count = [[0; 4]; IndirectSettings::MOST_BOUNCES as usize];
+        count[0] = [vpls.len() as u32, EVEN_LM.to_bits(), 0, 0];
         (self.bench.buffer("vpls", vpls), self.bench.buffer("vpl_count", &count))
     }
 
@@ -249,7 +250,7 @@ fn scattered(count: usize, seed: u64) -> Vec<Vpl> {
 }
 
 /// log2 of it is a half float, of ordinary size here.
-fn radius(vpl: &Vpl) -> f32 {
+pub(crate) fn radius(vpl: &Vpl) -> f32 {
     let bits = (vpl.block_radius >> 16) as i32;
     let size = (1.0 + (bits & 0x3ff) as f32 / 1024.0) * ((bits >> 10 & 31) as f32 - 15.0).exp2();
     (if bits >> 15 == 1 { -size } else { size }).exp2()

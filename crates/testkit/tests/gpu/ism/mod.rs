@@ -1,5 +1,6 @@
 //! Imperfect shadow maps against twins on the CPU and against what is known of discs, rooms and walls.
 
+mod bounces;
 mod filling;
 mod seeing;
 mod splats;
@@ -34,7 +35,11 @@ impl Point {
         }
         let snorm = |x: f32| u32::from((x * 127.0).round() as i8 as u8);
         let [x, y, z] = self.position.to_array().map(f32::to_bits);
-        [x, y, z, snorm(e.x) | snorm(e.y) << 8]
+        // Maps do not read albedos: another one for each wall of a room, in all channels.
+        let wall =
+            n.abs().max_position() as u32 * 2 + u32::from(n.max_element() > n.abs().max_element() - 1e-6);
+        let albedo = (15 + 2 * wall) << 16 | (30 + 4 * wall) << 21 | (15 + 2 * wall) << 27;
+        [x, y, z, snorm(e.x) | snorm(e.y) << 8 | albedo]
     }
 }
 
@@ -86,6 +91,13 @@ impl Place {
     }
 }
 
+/// The words that tell how many VPLs there are, all of the first bounce.
+fn counted(vpls: u32) -> [[u32; 4]; IndirectSettings::MOST_BOUNCES as usize] {
+    let mut words = [[0; 4]; IndirectSettings::MOST_BOUNCES as usize];
+    words[0] = [vpls, 1, 0, 1];
+    words
+}
+
 /// VPLs and points, and the maps that were made of them.
 pub(crate) struct Rig<'a> {
     gpu: &'a Gpu,
@@ -128,7 +140,7 @@ impl<'a> Rig<'a> {
             points: bench.buffer("points", &words),
             pool: points.len() as u32,
             vpls: bench.buffer("vpls", vpls),
-            vpl_count: bench.buffer("vpl_count", &[vpls.len() as u32, 1, 1, 1]),
+            vpl_count: bench.buffer("vpl_count", &counted(vpls.len() as u32)),
             room: ism.room(gpu, plan, true),
             bench,
             ism,
@@ -149,15 +161,19 @@ impl<'a> Rig<'a> {
 
     /// Draws the maps as a part of a frame.
     pub(crate) fn record(&self, frame: &mut Frame<'_>) -> &[IsmAtlas] {
-        let inputs = IsmInputs {
+        self.ism.record(frame, &self.settings, &self.inputs(0), &self.room)
+    }
+
+    fn inputs(&self, bounce: u32) -> IsmInputs<'_> {
+        IsmInputs {
             points: &self.points,
             pool: self.pool,
             vpls: &self.vpls,
             vpl_count: &self.vpl_count,
+            bounce,
             scene_area_m2: self.area_m2,
             largest_m: self.largest_m,
-        };
-        self.ism.record(frame, &self.settings, &inputs, &self.room)
+        }
     }
 
     /// The same points with other settings.

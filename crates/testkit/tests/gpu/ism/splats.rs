@@ -257,7 +257,7 @@ fn tiles_of_vpls_that_there_are_not_are_left_alone() {
     let vpls: Vec<_> = (0..4).map(|_| vpl(Vec3::ZERO, Vec3::X, 0)).collect();
     let settings = IndirectSettings { points_per_vpl: 100, ..settings(IsmResolution::Side32, 2) };
     let mut rig = Rig::new(&gpu, settings.clone(), (&points, area, 4.0), &vpls);
-    rig.vpl_count = rig.bench.buffer("vpl_count", &[3u32, 9, 9, 9]);
+    rig.vpl_count = rig.bench.buffer("vpl_count", &counted(3));
     rig.room = rig.ism.room(&gpu, IsmPlan::new(&gpu, &settings, 4).unwrap(), true);
     rig.make();
     let words = rig.words();
