@@ -16,7 +16,8 @@
 //!
 //! # Limits
 //! See-through casters and backs of single-sided surfaces stop light as far as the shadow technique says so, and where its
-//! maps reach. A sun has one map around the whole scene.
+//! maps reach. A sun has one map around the whole scene, and a second one of what casts its shadows where that is a small
+//! part of it ([`crate::shadow::Casters::casting`]): texels of the first that the second shows are left to that.
 //!
 //! # Cost
 //! 16 bytes a texel kept: 4 MiB of 512²; 24–32 bytes a texel of the largest map while drawing. A map that is drawn
