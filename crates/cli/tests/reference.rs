@@ -274,6 +274,16 @@ fn parts_of_the_light_are_resumed_and_are_the_picture_together() {
             [0, 1, 2].map(|i| a[i] + b[i] + c[i])
         });
         assert!(nmae(&together, &whole) < 1e-5, "{integrator}: {}", nmae(&together, &whole));
+        if integrator == "path" {
+            // Without further bounces there is nothing else, of the same paths.
+            trace(&resumed, &["--spp", "8", "--diffuse-bounces", "0"]);
+            let straight = Image::from_fn(24, 18, |x, y| {
+                let [a, b] = [0, 2].map(|part| parts[part].pixel(x, y));
+                [0, 1, 2].map(|i| a[i] + b[i])
+            });
+            let off = nmae(&straight, &read(&resumed).unwrap());
+            assert!(off < 1e-5, "direct light and caustics: {off}");
+        }
     }
 }
 
