@@ -12,7 +12,7 @@ use chiaro_techniques::indirect::rsm::{self, Rsm, RsmInputs, RsmPlan, RsmRoom, R
 use chiaro_techniques::indirect::vpls::{VplRoom, Vpls, candidates};
 use chiaro_techniques::indirect::{IndirectSettings, VplSampling};
 use chiaro_techniques::scene::SceneGpu;
-use chiaro_techniques::shadow::ShadowOutputs;
+use chiaro_techniques::shadow::{Casters, ShadowOutputs};
 use chiaro_techniques::view::culling::{Culling, DrawLists};
 use chiaro_techniques::view::{Surfaces, ViewData, ViewTable};
 use glam::Vec3;
@@ -66,7 +66,7 @@ pub(crate) struct IndirectRooms {
 /// What a frame asks for.
 pub(crate) struct Wanted<'a> {
     pub lights: &'a [LightData],
-    /// Of each sun, which come first: a box around what casts its shadows, where that is a small part of the scene.
+    /// Of each light: see [`near_suns`].
     pub near: &'a [Option<(Vec3, Vec3)>],
     pub round: u32,
     /// Of frames that are averaged: 1/√ of how many.
@@ -126,6 +126,20 @@ impl IndirectPlan {
     pub fn views(&self) -> usize {
         self.rsm.views.len()
     }
+}
+
+/// Of each light that is a sun a box around what casts its shadows about a camera, where that is a small part of the scene.
+pub(crate) fn near_suns(
+    casters: &Casters,
+    lights: &[LightData],
+    eye_ws: Vec3,
+    bounds_ws: (Vec3, Vec3),
+) -> Vec<Option<(Vec3, Vec3)>> {
+    let near = |light: &LightData| {
+        let is_sun = light.kind == LightData::DIRECTIONAL;
+        is_sun.then(|| casters.casting(light.direction_ws.into(), eye_ws, bounds_ws)).flatten()
+    };
+    lights.iter().map(near).collect()
 }
 
 /// Reflective shadow maps take this much at most, and less where the adapter binds less, bytes.

@@ -206,15 +206,27 @@ fn radiance_scale(
     lights: &[LightData],
     environment: Option<&EnvironmentMap>,
 ) -> f32 {
-    let illuminance = lights.iter().map(|light| {
-        let around = casters.around(light.position_ws.into()).unwrap_or(gpu.bounds_ws);
-        illuminance_scale(std::slice::from_ref(light), around)
-    });
-    let radiance = illuminance.fold(0.0, f32::max) / std::f32::consts::PI;
     let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
     let around = environment.map_or(0.0, |map| map.harmonics.mean.max_element());
     let peak = environment.map_or(0.0, |map| map.peak);
-    let scale = stored_per_nit(radiance.max(glow).max(around), peak);
+    stored_per_nit((gpu.bounds_ws, casters), lights, (glow.max(around), peak))
+}
+
+/// The same of lamps, and of whatever else has as many nits as `others`, and an environment at most `peak`.
+pub(crate) fn stored_per_nit(
+    (bounds_ws, casters): ((Vec3, Vec3), &Casters),
+    lights: &[LightData],
+    (others, peak): (f32, f32),
+) -> f32 {
+    let illuminance = lights.iter().map(|light| {
+        let around = casters.around(light.position_ws.into()).unwrap_or(bounds_ws);
+        illuminance_scale(std::slice::from_ref(light), around)
+    });
+    let white = illuminance.fold(0.0, f32::max) / std::f32::consts::PI;
+    // Without any light 1 nit is as good as anything.
+    let brightest = if white.max(others) > 0.0 { white.max(others) } else { WHITE_STORED };
+    let stored = (PEAK_STORED * brightest / peak.max(1e-30)).clamp(LEAST_WHITE_STORED, WHITE_STORED);
+    let scale = (stored / brightest).log2().round().clamp(-60.0, 60.0).exp2();
     // Where a lamp hangs low over a wide ground, what it shines at is far brighter than what is typical.
     let nearest = lights.iter().map(|light| ground_illuminance(casters, light)).fold(0.0, f32::max);
     let most = PEAK_STORED * std::f32::consts::PI / nearest.max(1e-30);
@@ -235,12 +247,4 @@ fn ground_illuminance(casters: &Casters, light: &LightData) -> f32 {
         (along > 0.0 && along.is_finite()).then(|| peak / (along * along))
     });
     lit.fold(0.0, f32::max)
-}
-
-/// Stored radiance per nit where white surfaces have as many nits as `brightest`, and the environment at most `peak`.
-pub(crate) fn stored_per_nit(brightest: f32, peak: f32) -> f32 {
-    // Without any light 1 nit is as good as anything.
-    let brightest = if brightest > 0.0 { brightest } else { WHITE_STORED };
-    let white = (PEAK_STORED * brightest / peak.max(1e-30)).clamp(LEAST_WHITE_STORED, WHITE_STORED);
-    (white / brightest).log2().round().clamp(-60.0, 60.0).exp2()
 }

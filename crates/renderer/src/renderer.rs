@@ -19,7 +19,7 @@ use chiaro_techniques::{Kit, shaders};
 use glam::{Vec2, Vec3};
 
 use crate::checks::{check_settings, check_size, check_view};
-use crate::indirect::{IndirectPlan, Wanted};
+use crate::indirect::{IndirectPlan, Wanted, near_suns};
 use crate::moving::{Look, Moves, Sampling};
 use crate::passes::{Missing, Passes};
 use crate::pipelines::{FrameInputs, FrameOutputs, record};
@@ -334,9 +334,8 @@ impl Renderer {
         let at_once = Culling::views_at_once(gpu, &scene.gpu);
         let (known, fitted) = shadow_plan.views();
         rooms.views.anisotropy = settings.surface.anisotropy;
-        let suns = lights.iter().filter(|light| gathers && light.kind == LightData::DIRECTIONAL);
-        let near: Vec<_> =
-            suns.map(|sun| scene.casters.casting(sun.direction_ws.into(), view.eye_ws(), bounds)).collect();
+        let near =
+            if gathers { near_suns(&scene.casters, &lights, view.eye_ws(), bounds) } else { Vec::new() };
         let wanted = Wanted {
             lights: &lights,
             near: &near,

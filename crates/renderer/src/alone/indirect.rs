@@ -9,17 +9,16 @@ use chiaro_techniques::frame::{FrameData, FrameGroup, LightData};
 use chiaro_techniques::indirect::foreign::{ForeignInputs, ForeignRoom};
 use chiaro_techniques::indirect::points::PointData;
 use chiaro_techniques::indirect::{IndirectSettings, Technique};
-use chiaro_techniques::light::illuminance_scale;
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::settings::Value;
-use chiaro_techniques::shadow::{Layout, ShadowOutputs, ShadowSettings};
+use chiaro_techniques::shadow::{Casters, Layout, ShadowOutputs, ShadowSettings};
 use chiaro_techniques::view::ViewTable;
 use chiaro_techniques::view::culling::{Culling, ListRoom};
 use chiaro_techniques::{Kit, shaders};
 use glam::Affine3A;
 
 use super::group;
-use crate::indirect::{GatherAt, IndirectRooms, LitScene, VplInputs, Wanted};
+use crate::indirect::{GatherAt, IndirectRooms, LitScene, VplInputs, Wanted, near_suns};
 use crate::loaded::stored_per_nit;
 use crate::{Depth, Error, Settings, Trees, View};
 
@@ -45,6 +44,8 @@ pub struct IndirectLight {
     scene: SceneGpu,
     trees: Trees,
     points: Option<PointData>,
+    // As they stood at first.
+    casters: Casters,
     shadows: ShadowOutputs,
     group: FrameGroup,
     views: ViewTable,
@@ -83,6 +84,7 @@ impl IndirectLight {
             scene: uploaded,
             trees,
             points,
+            casters: Casters::new(scene, &pose, &[]),
             shadows: ShadowOutputs::new(gpu, 1, 1),
             group,
             views: ViewTable::new(gpu),
@@ -132,13 +134,14 @@ impl IndirectLight {
         let size_px = drawn.size_px();
         let mut lights = group::placed(gpu, lights, (&view, size_px))?;
         lights.retain(|light| light.intensity != [0.0; 3]);
-        let data = frame_data((&view, size_px), &lights, settings, &self.scene);
+        let data = frame_data((&view, size_px), &lights, settings, (&self.scene, &self.casters));
         let passes = self.maker.passes();
         let tracer = &self.trees.traced.words;
         let scene = LitScene { gpu: &self.scene, points: self.points.as_ref(), tracer: Some(tracer) };
+        let near = near_suns(&self.casters, &lights, view.eye_ws(), self.scene.bounds_ws);
         let wanted = Wanted {
             lights: &lights,
-            near: &[],
+            near: &near,
             round: 0,
             share: 1.0,
             size_px,
@@ -227,14 +230,13 @@ fn frame_data(
     (view, size_px): (&View, [u32; 2]),
     lights: &[LightData],
     settings: &Settings,
-    scene: &SceneGpu,
+    (scene, casters): (&SceneGpu, &Casters),
 ) -> FrameData {
-    let white = illuminance_scale(lights, scene.bounds_ws) / std::f32::consts::PI;
     FrameData {
         lighting_model: settings.surface.lighting as u32,
         normal_maps: u32::from(settings.surface.normal_maps),
         anisotropy: settings.surface.anisotropy,
-        radiance_scale: stored_per_nit(white, 0.0),
+        radiance_scale: stored_per_nit((scene.bounds_ws, casters), lights, (0.0, 0.0)),
         ..group::frame_data(view, size_px, &settings.shadow)
     }
 }
