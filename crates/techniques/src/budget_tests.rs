@@ -90,3 +90,17 @@ fn two_storage_buffers_and_two_sampled_textures_are_left_in_every_stage() {
         assert!(used.contains(entry), "{entry} is no exception any more: {why}");
     }
 }
+
+#[test]
+fn workgroups_have_as_much_memory_as_webgpu_guarantees_but_where_the_adapter_is_asked() {
+    const GUARANTEED: u32 = 16 * 1024;
+    let library = shaders::library();
+    for permutation in shaders::permutations() {
+        let bytes = library.link(&permutation).unwrap().workgroup_bytes();
+        if permutation.flags.contains(&("teams", true)) {
+            assert_eq!(bytes, crate::indirect::ism::TEAMS_BYTES, "{}", permutation.label());
+        } else {
+            assert!(bytes <= GUARANTEED, "{}: {bytes}", permutation.label());
+        }
+    }
+}

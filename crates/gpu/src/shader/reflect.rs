@@ -183,6 +183,13 @@ impl Linked {
         names.map(|linked| (unmangled(&linked).to_owned(), linked)).collect()
     }
 
+    /// Bytes of a workgroup's own memory.
+    pub fn workgroup_bytes(&self) -> u32 {
+        let globals = self.module.global_variables.iter().map(|(_, global)| global);
+        let shared = globals.filter(|global| global.space == naga::AddressSpace::WorkGroup);
+        shared.map(|global| self.module.types[global.ty].inner.size(self.module.to_ctx())).sum()
+    }
+
     /// Workgroup size of the compute entry point.
     pub fn workgroup_size(&self) -> [u32; 3] {
         let compute = self.module.entry_points.iter().find(|e| e.stage == naga::ShaderStage::Compute);

@@ -325,7 +325,7 @@ impl ShadowMaps {
         let moved = (0..).zip(&views.views).filter(|&(layer, view)| {
             rendered.is_none_or(|rendered| {
                 rendered.views.views.get(layer as usize) != Some(view)
-                    || draw(view).sees_moved(motion, rendered.pose)
+                    || rendered.pose != motion.generation() && draw(view).sees_moved(motion, rendered.pose)
             }) || refit && is_fitted(layer)
         });
         let (fitted, known): (Vec<u32>, Vec<u32>) =

@@ -97,8 +97,8 @@ const AFTER: ViewHint = ViewHint::scaled(
 /// Texels a side at most of a block that a workgroup keeps in its memory.
 const BLOCK: u32 = 64;
 
-/// A workgroup's memory that teams take beside a block.
-const TEAMS_BYTES: u32 = 4 * BLOCK * BLOCK + 4 * 1024 + 16;
+/// A workgroup's memory that teams take: a block, 2,688 points that wait at two a word, 256 large ones, and two counts.
+pub(crate) const TEAMS_BYTES: u32 = 4 * BLOCK * BLOCK + 2 * 2688 + 4 * 256 + 8;
 
 /// As many workgroups as WebGPU lets start in a row.
 const MOST_VPLS: u32 = 65_535;
