@@ -84,7 +84,9 @@ impl Session {
     /// # Errors
     /// When the scene cannot be read or has no such camera, the device fails, or settings do not go together.
     pub fn open(choice: &SceneChoice, settings: Settings, tell: Tell<'_>) -> Result<Self, Error> {
-        Self::open_with((choice, None), settings, tell, Scene::add_default_view, with_renderer)
+        let complete =
+            if settings.lit_by_glow() { Scene::add_default_view_to_trace } else { Scene::add_default_view };
+        Self::open_with((choice, None), settings, tell, complete, with_renderer)
     }
 
     /// The same of a scene that gets light only where nothing in it shines, as its truth does; on a device that is open

@@ -4,11 +4,14 @@ use chiaro_gpu::{Buffer, Frame, Gpu, Group, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
 use chiaro_techniques::indirect::bounces::{BounceRoom, Bounces};
 use chiaro_techniques::indirect::compensate::{Compensate, CompensateInputs, CompensateRoom};
-use chiaro_techniques::indirect::gather::{Gather, GatherInputs, GatherRoom};
+use chiaro_techniques::indirect::gather::{Gather, GatherInputs, GatherRoom, Gathered, Gathers};
 use chiaro_techniques::indirect::ism::{Ism, IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
 use chiaro_techniques::indirect::pictures::{PictureInputs, PictureRoom, Pictures};
 use chiaro_techniques::indirect::points::{PointData, PointRoom, Points};
 use chiaro_techniques::indirect::rsm::{self, Rsm, RsmInputs, RsmPlan, RsmRoom, RsmView};
+use chiaro_techniques::indirect::sources::{
+    SCATTERED, SOURCES, SourcePool, SourceRoom, Sources, Surroundings,
+};
 use chiaro_techniques::indirect::vpls::{VplRoom, Vpls, candidates};
 use chiaro_techniques::indirect::{IndirectSettings, VplSampling};
 use chiaro_techniques::scene::SceneGpu;
@@ -32,6 +35,8 @@ pub(crate) struct IndirectPasses<'a> {
     pub ism: Option<&'a Ism>,
     // Where settings ask for more than one.
     pub bounces: Option<&'a Bounces>,
+    // Where settings ask for them.
+    pub sources: Option<&'a Sources>,
     // Where settings ask for it.
     pub compensate: Option<&'a Compensate>,
     // Where something may ask for them.
@@ -45,6 +50,8 @@ pub(crate) struct LitScene<'a> {
     pub points: Option<&'a PointData>,
     // The trees' words.
     pub tracer: Option<&'a Buffer>,
+    // What glows of it, and what its surroundings are; none where nothing shines itself.
+    pub sources: Option<&'a SourcePool>,
 }
 
 /// What virtual lights and their shadows lie in, for one view.
@@ -56,11 +63,20 @@ pub(crate) struct IndirectRooms {
     ism: Option<IsmRoom>,
     bounces: Option<BounceRoom>,
     compensate: Option<CompensateRoom>,
-    gather: Option<GatherRoom>,
+    sources: Option<SourceRoom>,
+    gather: LightRooms,
     // Of see-through layers.
-    layer: Option<GatherRoom>,
+    layer: LightRooms,
     // Where they are wanted.
     pictures: Option<PictureRoom>,
+}
+
+/// Light of both kinds.
+#[derive(Debug, Default)]
+struct LightRooms {
+    bounced: Option<GatherRoom>,
+    // Where anything shines itself.
+    sourced: Option<GatherRoom>,
 }
 
 /// What a frame asks for.
@@ -77,11 +93,16 @@ pub(crate) struct Wanted<'a> {
     pub layers: bool,
     // Whether what is late may wait.
     pub moves: bool,
+    /// What surrounds the scene.
+    pub around: Surroundings,
 }
 
 /// What a frame does.
 #[derive(Debug)]
 pub(crate) struct IndirectPlan {
+    // With what the scene has nothing for left out.
+    settings: IndirectSettings,
+    around: Surroundings,
     rsm: RsmPlan,
     round: u32,
     share: f32,
@@ -118,8 +139,13 @@ impl IndirectPlan {
 
     /// With the bound of this frame: frames that are averaged have other virtual lights each, together as many as if each
     /// stood for less.
-    fn bounded(&self, settings: &IndirectSettings) -> IndirectSettings {
-        IndirectSettings { clamp: settings.clamp * self.share, ..settings.clone() }
+    fn bounded(&self) -> IndirectSettings {
+        IndirectSettings { clamp: self.settings.clamp * self.share, ..self.settings.clone() }
+    }
+
+    /// Whether light of what shines itself is gathered.
+    pub fn shines(&self) -> bool {
+        self.settings.shines()
     }
 
     /// All views that there are.
@@ -187,7 +213,10 @@ impl IndirectRooms {
         settings: &Settings,
         wanted: &Wanted<'_>,
     ) -> Result<IndirectPlan, Error> {
-        let indirect = &settings.indirect;
+        // Slots and dispatches for what shines itself cost where nothing does.
+        let shines = scene.sources.is_some_and(SourcePool::glows) || wanted.around.nits != Vec3::ZERO;
+        let sources = if shines { settings.indirect.sources } else { 0 };
+        let indirect = &IndirectSettings { sources, ..settings.indirect.clone() };
         let evenly = if indirect.sampling == VplSampling::Halton { candidates(indirect) } else { 0 };
         let (views, note) = reflective_views(gpu, scene.gpu, (wanted.lights, wanted.near), indirect, evenly);
         let most = if wanted.moves { indirect.rsm_maps as usize } else { usize::MAX };
@@ -209,17 +238,25 @@ impl IndirectRooms {
             _ => (self.points, self.ism) = (None, None),
         }
         self.bounces = passes.bounces.map(|bounces| self.bounces.take().unwrap_or_else(|| bounces.room(gpu)));
+        self.sources = passes.sources.map(|sources| self.sources.take().unwrap_or_else(|| sources.room(gpu)));
         match passes.compensate.filter(|_| indirect.compensates()) {
             Some(compensate) => {
                 compensate.room(gpu, pool, wanted.size_px, &mut self.compensate);
             }
             None => self.compensate = None,
         }
-        passes.gather.room(gpu, pool, wanted.size_px, atlases, &mut self.gather);
-        if wanted.layers {
-            passes.gather.room(gpu, pool, wanted.size_px, atlases, &mut self.layer);
-        } else {
-            self.layer = None;
+        for (rooms, wants) in [(&mut self.gather, true), (&mut self.layer, wanted.layers)] {
+            let all = [
+                (Gathers::Bounced, &mut rooms.bounced, wants),
+                (Gathers::Sources, &mut rooms.sourced, wants && indirect.shines()),
+            ];
+            for (light, room, wants) in all {
+                if wants {
+                    passes.gather.room((gpu, pool), wanted.size_px, atlases, light, room);
+                } else {
+                    *room = None;
+                }
+            }
         }
         match passes.pictures.filter(|_| wanted.pictures) {
             Some(pictures) => {
@@ -228,14 +265,15 @@ impl IndirectRooms {
             }
             None => self.pictures = None,
         }
-        Ok(IndirectPlan { rsm, round: wanted.round, share: wanted.share, note })
+        let (settings, around) = (indirect.clone(), wanted.around);
+        Ok(IndirectPlan { settings, around, rsm, round: wanted.round, share: wanted.share, note })
     }
 
-    /// Places virtual lights, draws their shadows and gathers their light.
-    pub fn record(&mut self, frame: &mut Frame<'_>, settings: &Settings, light: &VplInputs<'_>) -> Texture {
-        let indirect = &settings.indirect;
+    /// Places virtual lights, draws their shadows and gathers their light. `seed`: what sequences are turned by.
+    pub fn record(&mut self, frame: &mut Frame<'_>, seed: u32, light: &VplInputs<'_>) -> Gathered {
         let VplInputs { at, shadows, light_grid, seen, views: (table, lists, first) } = *light;
         let GatherAt { group, passes, scene, plan } = at;
+        let indirect = &plan.settings;
         let (Some(maps), Some(placed)) = (&mut self.rsm, &self.vpls) else {
             unreachable!("what is planned has room")
         };
@@ -251,29 +289,43 @@ impl IndirectRooms {
             shadows,
         };
         passes.rsm.record(frame, &drawn, maps);
-        let how = (indirect, settings.seed, plan.round);
+        let how = (indirect, seed, plan.round);
         passes.vpls.record(frame, how, (group, seen), (&plan.rsm, maps), placed);
+        if let (Some(sources), Some(pool), Some(room), true) =
+            (passes.sources, scene.sources, &self.sources, plan.shines())
+        {
+            let (what, vpls) = ((pool, plan.around), (&placed.vpls, &placed.count));
+            sources.record(frame, (indirect, plan.round), scene.gpu, what, vpls, room);
+        }
         if let (Some(points), Some(ism), Some(pool), Some(room), Some(data)) =
             (passes.points, passes.ism, &mut self.points, &self.ism, scene.points)
         {
             points.record(frame, scene.gpu, pool);
             let (lo, hi) = scene.gpu.bounds_ws;
-            let mut shadowed = IsmInputs {
+            let of = |set| IsmInputs {
                 points: &pool.points,
                 pool: pool.count,
                 vpls: &placed.vpls,
                 vpl_count: &placed.count,
-                bounce: 0,
+                set,
                 scene_area_m2: data.area_m2 as f32,
                 largest_m: lo.distance(hi).max(f32::MIN_POSITIVE),
             };
-            ism.record(frame, indirect, &shadowed, room);
-            if let (Some(bounces), Some(told)) = (passes.bounces, &self.bounces) {
-                for bounce in 1..indirect.made_bounces() {
-                    shadowed.bounce = bounce;
-                    bounces.record(frame, how, &shadowed, room.atlases(), told);
-                    ism.record(frame, indirect, &shadowed, room);
+            ism.record(frame, indirect, &of(0), room);
+            let bounce = |frame: &mut Frame<'_>, set, lit_by: &[u32]| {
+                if let (Some(bounces), Some(told)) = (passes.bounces, &self.bounces) {
+                    bounces.record(frame, how, (&of(set), lit_by), room.atlases(), told);
+                    ism.record(frame, indirect, &of(set), room);
                 }
+            };
+            if indirect.shines() {
+                ism.record(frame, indirect, &of(SOURCES), room);
+                bounce(frame, SCATTERED, &[SOURCES]);
+            }
+            for set in 1..indirect.made_bounces() {
+                let lit_by = [set - 1, SCATTERED];
+                let sets = if set == 1 && indirect.shines() { 2 } else { 1 };
+                bounce(frame, set, &lit_by[..sets]);
             }
         }
         if let (Some(pictures), Some(room)) = (passes.pictures, &self.pictures) {
@@ -293,45 +345,54 @@ impl IndirectRooms {
             let ((depth, surface), vpl_count) = (seen, &placed.count);
             let scene = scene.gpu;
             let shown = CompensateInputs { group, scene, depth, surface, shadows, light_grid, vpl_count };
-            compensate.record(frame, (&plan.bounded(indirect), plan.round), &shown, room);
+            compensate.record(frame, (&plan.bounded(), plan.round), &shown, room);
             given_back = Some(room.given_back());
         }
-        self.gather(frame, settings, at, (seen, &self.gather), given_back)
+        self.gather(frame, at, (seen, &self.gather), given_back)
     }
 
     /// Gathers for a layer of see-through surfaces, where there is room for any.
     pub fn layer_gatherer<'a>(
         &'a self,
-        settings: &'a Settings,
         at: Option<GatherAt<'a>>,
-    ) -> Option<impl Fn(&mut Frame<'_>, &Texture, &Texture) -> Texture + 'a> {
-        let at = at.filter(|_| self.layer.is_some())?;
+    ) -> Option<impl Fn(&mut Frame<'_>, &Texture, &Texture) -> Gathered + 'a> {
+        let at = at.filter(|_| self.layer.bounced.is_some())?;
         Some(move |frame: &mut Frame<'_>, depth: &Texture, surface: &Texture| {
-            self.gather(frame, settings, at, ((depth, surface), &self.layer), None)
+            self.gather(frame, at, ((depth, surface), &self.layer), None)
         })
     }
 
     fn gather(
         &self,
         frame: &mut Frame<'_>,
-        settings: &Settings,
         at: GatherAt<'_>,
-        ((depth, surface), room): ((&Texture, &Texture), &Option<GatherRoom>),
+        ((depth, surface), rooms): ((&Texture, &Texture), &LightRooms),
         given_back: Option<&Texture>,
-    ) -> Texture {
-        let (Some(room), Some(vpls)) = (room, &self.vpls) else { unreachable!("what is planned has room") };
+    ) -> Gathered {
+        let (Some(room), Some(vpls)) = (&rooms.bounced, &self.vpls) else {
+            unreachable!("what is planned has room")
+        };
         let atlases: &[IsmAtlas] = self.ism.as_ref().map_or(&[], IsmRoom::atlases);
-        let gathered = GatherInputs {
+        let bounced = GatherInputs {
             group: at.group,
             scene: Some(at.scene.gpu),
             depth,
             surface,
             vpls: &vpls.vpls,
             vpl_count: &vpls.count,
+            light: Gathers::Bounced,
             atlases,
             tracer: at.scene.tracer,
             given_back,
         };
-        at.passes.gather.record(frame, &at.plan.bounded(&settings.indirect), &gathered, room)
+        let sourced = GatherInputs { light: Gathers::Sources, given_back: None, ..bounced };
+        let settings = at.plan.bounded();
+        Gathered {
+            bounced: at.passes.gather.record(frame, &settings, &bounced, room),
+            sourced: rooms
+                .sourced
+                .as_ref()
+                .map(|room| at.passes.gather.record(frame, &settings, &sourced, room)),
+        }
     }
 }

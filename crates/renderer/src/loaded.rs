@@ -5,6 +5,7 @@ use chiaro_techniques::environment::EnvironmentMap;
 use chiaro_techniques::frame::LightData;
 use chiaro_techniques::indirect::Openness;
 use chiaro_techniques::indirect::points::PointData;
+use chiaro_techniques::indirect::sources::SourcePool;
 use chiaro_techniques::light::{illuminance_scale, light_data};
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::Casters;
@@ -43,6 +44,8 @@ pub struct LoadedScene {
     pub(crate) trees: Option<Trees>,
     /// For imperfect shadow maps.
     pub(crate) points: Option<PointData>,
+    /// What may shine itself.
+    pub(crate) sources: SourcePool,
 }
 
 /// Stored radiance of a white surface under the brightest light, in general. Half floats reach 65,504 above and 2⁻²⁴
@@ -60,7 +63,7 @@ impl LoadedScene {
         gpu: SceneGpu,
         scene: &Scene,
         environment: Option<EnvironmentMap>,
-        openness: Openness,
+        (openness, sources): (Openness, SourcePool),
     ) -> Self {
         let pose = scene.pose(0.0);
         let (lights, directional) = light_data(scene, &pose);
@@ -77,6 +80,7 @@ impl LoadedScene {
             pose,
             trees: None,
             points: None,
+            sources,
         }
     }
 
@@ -96,6 +100,7 @@ impl LoadedScene {
             gpu: &self.gpu,
             points: self.points.as_ref(),
             tracer: self.trees.as_ref().map(|trees| &trees.traced.words),
+            sources: Some(&self.sources),
         }
     }
 

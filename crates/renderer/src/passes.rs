@@ -9,6 +9,7 @@ use chiaro_techniques::indirect::ism::Ism;
 use chiaro_techniques::indirect::pictures::Pictures;
 use chiaro_techniques::indirect::points::Points;
 use chiaro_techniques::indirect::rsm::Rsm;
+use chiaro_techniques::indirect::sources::Sources;
 use chiaro_techniques::indirect::vpls::Vpls;
 use chiaro_techniques::post::Antialias;
 use chiaro_techniques::rays::Refit;
@@ -103,8 +104,13 @@ passes! {
         settings.indirect.technique.makes_vpls().then(|| (Lookup::new(&settings.shadow), facts))
     };
     vpls: Option<Vpls> = |settings: &Settings, _| settings.indirect.technique.makes_vpls().then_some(());
-    ism: Option<Ism> = |settings: &Settings, _| settings.points().is_some().then_some(());
-    bounces: Option<Bounces> = |settings: &Settings, _| (settings.indirect.made_bounces() > 1).then_some(());
+    ism: Option<Ism> = |settings: &Settings, _| {
+        settings.points().is_some().then_some(settings.indirect.sources > 0)
+    };
+    bounces: Option<Bounces> = |settings: &Settings, _| {
+        (settings.indirect.made_bounces() > 1 || settings.indirect.scatters()).then_some(())
+    };
+    sources: Option<Sources> = |settings: &Settings, facts| settings.indirect.shines().then_some(facts);
     compensate: Option<Compensate> = |settings: &Settings, facts| {
         // Bounds come and go without compiling.
         let wanted = settings.indirect.compensate && settings.indirect.technique.makes_vpls();
@@ -131,6 +137,7 @@ impl Passes {
             points: self.points.as_ref(),
             ism: self.ism.as_ref(),
             bounces: self.bounces.as_ref(),
+            sources: self.sources.as_ref(),
             compensate: self.compensate.as_ref(),
             pictures: self.pictures.as_ref(),
         })

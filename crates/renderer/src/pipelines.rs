@@ -3,6 +3,7 @@
 use chiaro_gpu::{Buffer, Frame, Texture, wgpu};
 use chiaro_techniques::direct::{LightInputs, LightRoom};
 use chiaro_techniques::frame::{FrameData, FrameGroup};
+use chiaro_techniques::indirect::gather::Gathered;
 use chiaro_techniques::post::{AntialiasRoom, Parts};
 use chiaro_techniques::shadow::{
     ShadowInputs, ShadowOutputs, ShadowPlan, ShadowRoom, ShadowSettings, ShadowViews,
@@ -171,16 +172,21 @@ fn deferred(
     let surface = passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface);
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
     let gather_at = gathers_at(passes, inputs);
-    let bounced = gather_at.map(|at| {
+    let gathered = gather_at.map(|at| {
         let views = (rooms.views, Some(&lists), CAMERA + 1);
         let seen = (&surface.depth, &surface.surface);
         let light = VplInputs { at, shadows: &shadows, light_grid: Some(&light_grid), seen, views };
-        indirect.record(frame, settings, &light)
+        indirect.record(frame, settings.seed, &light)
     });
-    let gather_layer = indirect.layer_gatherer(settings, gather_at);
+    let gather_layer = indirect.layer_gatherer(gather_at);
     let gather_layer = gather_layer.as_ref().map(|gather| gather as GatherLayer<'_>);
-    let irradiance = bounced.as_ref().unwrap_or(&rooms.light.no_irradiance);
-    let light = LightInputs { shadows: &shadows, light_grid: &light_grid, irradiance };
+    let (bounced, sourced) = gathered.as_ref().map(Gathered::parts).unwrap_or_default();
+    let light = LightInputs {
+        shadows: &shadows,
+        light_grid: &light_grid,
+        irradiance: bounced.unwrap_or(&rooms.light.no_irradiance),
+        source_irradiance: sourced.unwrap_or(&rooms.light.no_irradiance),
+    };
     let Shaded { radiance, unlit, parts } = shade_all(frame, inputs, rooms.light, |frame, radiance, _| {
         passes.direct.record_deferred(frame, (group, scene), &surface, light, radiance);
         if let (Some(transparency), Some(layers)) = (&*passes.transparency, rooms.layers) {
@@ -218,16 +224,21 @@ fn forward(
         wants_surface.then(|| passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface));
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
     let gather_at = gathers_at(passes, inputs);
-    let bounced = gather_at.zip(surface.as_ref()).map(|(at, surface)| {
+    let gathered = gather_at.zip(surface.as_ref()).map(|(at, surface)| {
         let views = (rooms.views, Some(&lists), CAMERA + 1);
         let seen = (&surface.depth, &surface.surface);
         let light = VplInputs { at, shadows: &shadows, light_grid: Some(&light_grid), seen, views };
-        indirect.record(frame, settings, &light)
+        indirect.record(frame, settings.seed, &light)
     });
-    let gather_layer = indirect.layer_gatherer(settings, gather_at);
+    let gather_layer = indirect.layer_gatherer(gather_at);
     let gather_layer = gather_layer.as_ref().map(|gather| gather as GatherLayer<'_>);
-    let irradiance = bounced.as_ref().unwrap_or(&rooms.light.no_irradiance);
-    let light = LightInputs { shadows: &shadows, light_grid: &light_grid, irradiance };
+    let (bounced, sourced) = gathered.as_ref().map(Gathered::parts).unwrap_or_default();
+    let light = LightInputs {
+        shadows: &shadows,
+        light_grid: &light_grid,
+        irradiance: bounced.unwrap_or(&rooms.light.no_irradiance),
+        source_irradiance: sourced.unwrap_or(&rooms.light.no_irradiance),
+    };
     let Shaded { radiance, unlit, parts } = shade_all(frame, inputs, rooms.light, |frame, radiance, sky| {
         let lists = (&lists, rooms.light);
         passes.direct.record_forward(frame, (group, scene), lists, light, sky, radiance);

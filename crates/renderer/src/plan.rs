@@ -6,6 +6,7 @@ use chiaro_techniques::Kit;
 use chiaro_techniques::direct::Permutations;
 use chiaro_techniques::environment::EnvironmentMap;
 use chiaro_techniques::indirect::Openness;
+use chiaro_techniques::indirect::sources::SourcePool;
 use chiaro_techniques::scene::{SceneFacts, SceneGpu};
 
 use crate::passes::{Found, Missing, permutations};
@@ -19,11 +20,12 @@ impl LoadedScene {
     pub fn upload(kit: &Kit, scene: &Scene) -> Result<Self, Error> {
         scene.validate()?;
         let environment = || scene.environment.as_ref().map(|map| environment(kit, map)).transpose();
-        let (gpu, (environment, openness)) = parallel::join(
+        let sources = || SourcePool::upload(&kit.gpu, scene, &scene.pose(0.0));
+        let (gpu, (environment, around)) = parallel::join(
             || SceneGpu::upload(&kit.gpu, &kit.scene_layout, scene),
-            || parallel::join(environment, || Openness::new(scene)),
+            || parallel::join(environment, || parallel::join(|| Openness::new(scene), sources)),
         );
-        Ok(Self::new(gpu?, scene, environment?, openness))
+        Ok(Self::new(gpu?, scene, environment?, around))
     }
 }
 

@@ -9,6 +9,7 @@ use chiaro_techniques::direct::Permutations;
 use chiaro_techniques::environment::{arriving, sky, sky_light};
 use chiaro_techniques::frame::{FrameData, LightData};
 use chiaro_techniques::indirect::points::PointData;
+use chiaro_techniques::indirect::sources::Surroundings;
 use chiaro_techniques::indirect::{SkyView, ambient};
 use chiaro_techniques::light::grid_size;
 use chiaro_techniques::scene::SceneFacts;
@@ -282,14 +283,18 @@ impl Renderer {
         let turn = settings.environment.rotation.to_radians();
         let share = map.map_or(0.0, |_| arriving(sky_view.share));
         let mean = map.map(|map| (map.harmonics.mean * factor, share));
-        let around = ambient(&settings.indirect, &lights, around_eye, sky_view.share, mean);
+        let stand_in = ambient(&settings.indirect, &lights, around_eye, sky_view.share, mean);
         let sky = sky(&settings.environment, &lights, map.is_some());
         let afar = match map {
             Some(map) => map.harmonics.turned(turn, factor * share),
             None => sky_light(sky, sky_view.share, sky_view.direction),
         };
         let [show_direct, show_indirect, show_caustics] = settings.camera.show.weights();
-        let gathers = settings.indirect.technique.makes_vpls() && show_indirect > 0.0;
+        let around = Surroundings { nits: if map.is_some() { Vec3::splat(factor) } else { sky }, turn };
+        let lit_by_sources =
+            settings.indirect.shines() && (scene.sources.glows() || around.nits != Vec3::ZERO);
+        let shows_sources = lit_by_sources && show_direct > 0.0;
+        let gathers = settings.indirect.technique.makes_vpls() && (show_indirect > 0.0 || shows_sources);
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
@@ -304,17 +309,20 @@ impl Renderer {
             grid_slices: slices(view, around_eye, grid[2]),
             lighting_model: settings.surface.lighting as u32,
             normal_maps: u32::from(settings.surface.normal_maps),
-            ambient: around.map(|channel| channel.to_array()),
+            ambient: stand_in.map(|channel| channel.to_array()),
             environment: afar.map(|channel| channel.to_cols_array_2d()),
             sky: sky.to_array(),
             radiance_scale: scene.radiance_scale,
-            environment_diffuse: f32::from(u8::from(settings.indirect.technique.lights_by_all())),
+            environment_diffuse: f32::from(u8::from(
+                settings.indirect.technique.lights_by_all() && !lit_by_sources,
+            )),
             anisotropy: settings.surface.anisotropy,
             environment_nits: map.map_or(0.0, |map| map.nits * factor),
             environment_share: share,
             environment_turn: [turn.cos(), turn.sin()],
-            gathers: u32::from(gathers),
-            reserved: 0,
+            gathers: u32::from(gathers) * FrameData::BOUNCED
+                | u32::from(gathers && lit_by_sources) * FrameData::SOURCED,
+            mirrors_sources: f32::from(u8::from(around.nits == Vec3::ZERO)),
             show_direct,
             show_indirect,
             show_caustics,
@@ -345,6 +353,7 @@ impl Renderer {
             pictures: state.wants_pictures,
             layers: scene.gpu.see_through(),
             moves: moves.is_some(),
+            around,
         };
         let indirect = gathers
             .then(|| {

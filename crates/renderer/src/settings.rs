@@ -242,6 +242,12 @@ impl Settings {
         self.post.antialias == Smoothing::Taa
     }
 
+    /// Whether glowing meshes light others, so that a scene with some has light.
+    pub fn lit_by_glow(&self) -> bool {
+        let technique = self.indirect.technique.resolved();
+        IndirectSettings { technique, ..self.indirect.clone() }.shines()
+    }
+
     /// Whether any technique shoots rays through the scene's trees.
     pub fn shoots_rays(&self) -> bool {
         self.shadow.layout == Layout::Traced || self.indirect.technique == Technique::Traced
@@ -270,9 +276,7 @@ impl Settings {
             }
         };
         let mut settings = self.effective();
-        if settings.indirect.technique == Technique::Auto {
-            settings.indirect.technique = Technique::Ambient;
-        }
+        settings.indirect.technique = settings.indirect.technique.resolved();
         let shadow = &mut settings.shadow;
         choose(&mut settings.surface.raster, true);
         choose(&mut shadow.raster, ComputeRaster::views_in(binding_bytes, [shadow.resolution; 2]) > 0);

@@ -16,6 +16,7 @@ use crate::indirect::ism::IsmData;
 use crate::indirect::pictures::PictureData;
 use crate::indirect::points::PointFacts;
 use crate::indirect::rsm::RsmViewData;
+use crate::indirect::sources::SourceData;
 use crate::indirect::vpls::SamplingData;
 use crate::post::{AntialiasData, DebugInput};
 use crate::rays::refit::{NodeBox, RefitJob};
@@ -76,7 +77,7 @@ fn rust_structs_equal_their_wesl_twins() {
         environment_share,
         environment_turn,
         gathers,
-        reserved,
+        mirrors_sources,
         show_direct,
         show_indirect,
         show_caustics,
@@ -323,26 +324,45 @@ fn rust_structs_equal_their_wesl_twins() {
         push_threshold,
         pyramid,
         splat,
-        bounce,
+        vpl_set,
         reserved0,
         reserved1,
         reserved2,
     );
     same!(
+        &linked("indirect/sources/place.cs.wesl"),
+        SourceData,
+        "SourceData",
+        count,
+        glowing,
+        first,
+        first_block,
+        round,
+        places,
+        directions,
+        vpl_set,
+        glow,
+        radius,
+        turn,
+        middle_ws,
+        reserved0,
+        nits,
+        reserved1,
+    );
+    same!(
         &linked("indirect/bounces/place.cs.wesl"),
         BounceData,
         "Bounce",
-        number,
+        vpl_set,
         first,
         most,
         first_block,
         place,
         appends,
         turn,
+        lit_by,
         shift,
         reserved0,
-        reserved1,
-        reserved2,
     );
     let refit = &linked("rays/refit.cs.wesl");
     same!(refit, RefitJob, "RefitJob", node, own, children, pad);
@@ -429,8 +449,8 @@ fn rust_structs_equal_their_wesl_twins() {
         discontinuity_normal,
         compensates,
         gives_back,
+        sets,
         reserved0,
-        reserved1,
     );
     same!(
         &linked("indirect/compensate/nearby.cs.wesl"),

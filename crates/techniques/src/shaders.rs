@@ -77,6 +77,8 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("indirect/rsm/light.cs.wesl"),
     shader!("indirect/rsm/rsm.wesl"),
     shader!("indirect/rsm/scattered.wesl"),
+    shader!("indirect/sources/place.cs.wesl"),
+    shader!("indirect/sources/sources.wesl"),
     shader!("indirect/vpl.wesl"),
     shader!("indirect/vpls/choose.cs.wesl"),
     shader!("indirect/vpls/maps.wesl"),
@@ -200,6 +202,7 @@ pub fn permutations() -> Vec<Permutation> {
         "indirect/pictures/resolve.cs.wesl",
         "indirect/pictures/rsm.cs.wesl",
         "indirect/pictures/vpls.cs.wesl",
+        "indirect/sources/place.cs.wesl",
         "indirect/vpls/choose.cs.wesl",
         "indirect/vpls/place.cs.wesl",
         "indirect/vpls/scan.cs.wesl",
@@ -238,7 +241,7 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(behind(a));
         all.push(motion_vectors(a));
         all.push(accumulate(a));
-        all.extend([ism_splat(a), edges(a)]);
+        all.extend([ism_splat(a, false), ism_splat(a, true), edges(a)]);
         all.push(path_trace(a));
         all.push(shadow_depth(a));
         all.extend([shadow_paraboloid(a, false), shadow_paraboloid(a, true)]);
@@ -256,7 +259,7 @@ pub fn permutations() -> Vec<Permutation> {
         }
     }
     for sight in [(false, false), (true, false), (false, true)] {
-        all.extend([gather(sight, false), gather(sight, true)]);
+        all.extend([gather(sight, false, false), gather(sight, true, false), gather(sight, false, true)]);
     }
     for channels in [1, 2, 4] {
         all.extend([moments_columns(channels), moments_halve(channels)]);
@@ -315,8 +318,9 @@ pub fn shade_layer(emissive: bool, shadows: ShadowSource) -> Permutation {
 
 /// Light of virtual point lights that are seen by their imperfect shadow maps, by rays, or always; with `loss`, what bounding
 /// their nearness takes.
-pub fn gather((ism, rays): (bool, bool), loss: bool) -> Permutation {
-    plain("indirect/gather/gather.cs.wesl").flag("ism", ism).flag("rays", rays).flag("loss", loss)
+pub fn gather((ism, rays): (bool, bool), loss: bool, far: bool) -> Permutation {
+    let entry = plain("indirect/gather/gather.cs.wesl").flag("ism", ism).flag("rays", rays);
+    entry.flag("loss", loss).flag("far", far)
 }
 
 /// Deferred shading.
@@ -355,8 +359,8 @@ pub fn aov(shadows: ShadowSource) -> Permutation {
 }
 
 /// Imperfect shadow maps; with `teams`, large discs are drawn by several lanes.
-pub fn ism_splat(teams: bool) -> Permutation {
-    Permutation::plain("indirect/ism/splat.cs.wesl").flag("teams", teams)
+pub fn ism_splat(teams: bool, far: bool) -> Permutation {
+    Permutation::plain("indirect/ism/splat.cs.wesl").flag("teams", teams).flag("far", far)
 }
 
 /// The mean over what is interleaved, of more than 4 × 4 pixels or of no more.

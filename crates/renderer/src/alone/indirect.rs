@@ -8,6 +8,7 @@ use chiaro_scene::{Light, Pose, Scene};
 use chiaro_techniques::frame::{FrameData, FrameGroup, LightData};
 use chiaro_techniques::indirect::foreign::{ForeignInputs, ForeignRoom};
 use chiaro_techniques::indirect::points::PointData;
+use chiaro_techniques::indirect::sources::Surroundings;
 use chiaro_techniques::indirect::{IndirectSettings, Technique};
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::settings::Value;
@@ -137,7 +138,8 @@ impl IndirectLight {
         let data = frame_data((&view, size_px), &lights, settings, (&self.scene, &self.casters));
         let passes = self.maker.passes();
         let tracer = &self.trees.traced.words;
-        let scene = LitScene { gpu: &self.scene, points: self.points.as_ref(), tracer: Some(tracer) };
+        let scene =
+            LitScene { gpu: &self.scene, points: self.points.as_ref(), tracer: Some(tracer), sources: None };
         let near = near_suns(&self.casters, &lights, view.eye_ws(), self.scene.bounds_ws);
         let wanted = Wanted {
             lights: &lights,
@@ -148,6 +150,7 @@ impl IndirectLight {
             pictures: false,
             layers: false,
             moves: true,
+            around: Surroundings::default(),
         };
         let plan = self.rooms.plan((gpu, &self.pool), (passes, scene), settings, &wanted)?;
         self.notes.clear();
@@ -189,8 +192,8 @@ impl IndirectLight {
             seen: (&room.depth, &room.surface),
             views: (&self.views, lists.as_ref(), 0),
         };
-        let irradiance = self.rooms.record(&mut frame, settings, &made_from);
-        self.maker.foreign.record_radiance(&mut frame, (group, &irradiance), room);
+        let gathered = self.rooms.record(&mut frame, settings.seed, &made_from);
+        self.maker.foreign.record_radiance(&mut frame, (group, &gathered.bounced), room);
         frame.submit();
         Ok(room.light.view())
     }

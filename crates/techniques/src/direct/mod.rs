@@ -293,6 +293,8 @@ pub struct LightInputs<'a> {
     pub light_grid: &'a Buffer,
     /// Indirect light at each pixel: see [`crate::indirect::gather`].
     pub irradiance: &'a Texture,
+    /// The same straight from what glows and surrounds the scene.
+    pub source_irradiance: &'a Texture,
 }
 
 impl<'a> LightInputs<'a> {
@@ -300,6 +302,7 @@ impl<'a> LightInputs<'a> {
     pub fn binds(&self) -> Vec<Bind<'a>> {
         let mut binds = lighting_binds(self.shadows, self.light_grid);
         binds.push(("irradiance", self.irradiance.into()));
+        binds.push(("source_irradiance", self.source_irradiance.into()));
         binds
     }
 }

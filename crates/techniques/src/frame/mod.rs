@@ -32,7 +32,7 @@ pub struct FrameData {
     pub environment_share: f32,
     pub environment_turn: [f32; 2],
     pub gathers: u32,
-    pub reserved: u32,
+    pub mirrors_sources: f32,
     pub show_direct: f32,
     pub show_indirect: f32,
     pub show_caustics: f32,
@@ -65,10 +65,15 @@ impl FrameData {
         }
     }
 
+    /// Of `gathers`: `irradiance` holds indirect light.
+    pub const BOUNCED: u32 = 1;
+    /// Of `gathers`: `source_irradiance` holds light of what glows and surrounds the scene.
+    pub const SOURCED: u32 = 2;
+
     /// The same view of direct light alone, as far as it is shown.
     #[must_use]
     pub fn direct_only(&self) -> Self {
-        Self { gathers: 0, show_indirect: 0.0, show_caustics: 0.0, ..*self }
+        Self { gathers: self.gathers & Self::SOURCED, show_indirect: 0.0, show_caustics: 0.0, ..*self }
     }
 
     /// Radiance behind everything in stored units; `None` where that is an environment map.

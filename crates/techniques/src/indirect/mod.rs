@@ -1,5 +1,6 @@
-//! Indirect light: what was scattered before it reaches the surface that is seen. What the environment or the sky gives
-//! the first surface is direct light, and in [`crate::environment`]; the technique says whether it is taken for a source.
+//! Indirect light: what was scattered before it reaches the surface that is seen. What the environment, the sky or a glowing mesh
+//! gives the first surface is direct light, in [`sources`] with shadows, else in [`crate::environment`]; the technique says
+//! whether they are taken for sources.
 //!
 //! [`Technique::Ambient`] is an estimate for the whole scene ([`ambient`]). The others put virtual lights where lamps
 //! shine:
@@ -9,6 +10,7 @@
 //! | places of the scene, for its shadows | [`points`] | a scene; found again where things move |
 //! | what each lamp shines at | [`rsm`] | a change |
 //! | virtual lights there | [`vpls`] | a frame |
+//! | virtual lights on what shines itself | [`sources`] | a frame |
 //! | a coarse shadow map of each | [`ism`] | a frame |
 //! | virtual lights where those shine, by their maps | [`bounces`] | a frame, and a further bounce |
 //! | what bounding their nearness takes, where it is given back | [`compensate`] | a frame |
@@ -26,6 +28,7 @@ pub mod pictures;
 pub mod points;
 pub mod rsm;
 mod settings;
+pub mod sources;
 mod vpl;
 pub mod vpls;
 
@@ -70,6 +73,7 @@ pub fn ambient(
     }
     // What lamps give the first surface, and what that scatters, virtual lights bring.
     let lights = if settings.technique.makes_vpls() { &[] } else { lights };
+    let environment = environment.filter(|_| !settings.scatters());
     let size = bounds_ws.1 - bounds_ws.0;
     // Even a point or a line has a surface here.
     let size = if size == Vec3::ZERO { Vec3::ONE } else { size.max(Vec3::splat(1e-3 * size.max_element())) };

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::sources::{SCATTERED, SOURCES};
 use crate::{choice, settings};
 
 /// Virtual lights of a further bounce, unless the first has fewer.
@@ -32,6 +33,12 @@ impl Technique {
     /// Whether the environment, the sky and glowing meshes are sources of light beside lamps.
     pub fn lights_by_all(self) -> bool {
         self != Self::None
+    }
+
+    /// With nothing left open.
+    #[must_use]
+    pub fn resolved(self) -> Self {
+        if self == Self::Auto { Self::Ambient } else { self }
     }
 
     /// Whether virtual point lights are made.
@@ -101,20 +108,35 @@ impl IndirectSettings {
         if self.technique == Technique::Ism { self.bounces.clamp(1, Self::MOST_BOUNCES) } else { 1 }
     }
 
-    /// Numbers of the virtual lights that a bounce may have, the first being number 0: a quarter of the first's for the second,
-    /// and half as many for each further one.
-    pub fn slots(&self, bounce: u32) -> Range<u32> {
-        let most = |bounce: u32| match bounce {
+    /// Numbers of the virtual lights that a set may have, the first being number 0. A bounce's set has its number: a quarter of the
+    /// first's for the second, and half as many for each further one. After all bounces that are made there are those on what shines
+    /// itself, and where those shine.
+    pub fn slots(&self, set: u32) -> Range<u32> {
+        let made = self.made_bounces();
+        let most = |set: u32| match set {
             0 => self.vpls,
-            _ => (self.vpls >> (bounce + 1)).max(LEAST_SLOTS.min(self.vpls)),
+            SOURCES if self.shines() => self.sources,
+            SCATTERED if self.scatters() => (self.vpls / 4).max(LEAST_SLOTS.min(self.vpls)),
+            _ if set < made => (self.vpls >> (set + 1)).max(LEAST_SLOTS.min(self.vpls)),
+            _ => 0,
         };
-        let first = (0..bounce).map(most).sum();
-        first..first + most(bounce)
+        let first = (0..set).map(most).sum();
+        first..first + most(set)
     }
 
-    /// Those of all bounces.
+    /// Those of all sets.
     pub fn all_slots(&self) -> u32 {
-        self.slots(self.made_bounces() - 1).end
+        self.slots(SCATTERED).end
+    }
+
+    /// Whether there are virtual lights on what shines itself.
+    pub fn shines(&self) -> bool {
+        self.technique.makes_vpls() && self.sources > 0
+    }
+
+    /// Whether virtual lights on what shines itself make others where they shine: imperfect shadow maps alone tell where.
+    pub fn scatters(&self) -> bool {
+        self.technique == Technique::Ism && self.shines()
     }
 
     /// Whether what bounding nearness takes is given back.
@@ -137,6 +159,11 @@ settings! {
         /// maps of its own: with two lights cost a quarter more, with many half as much again.
         bounces: u32 = 1, "", 1..=8, Permutation,
             only "indirect.technique=ism";
+        /// Virtual lights on what shines itself: glowing meshes, environment and sky, whose light is then shadowed; with ism there
+        /// are a quarter of indirect.vpls more where they shine. More make such shadows finer and smoother. With 0 the
+        /// surroundings' light is not shadowed, and glowing meshes light nothing.
+        sources: u32 = 128, "", 0..=4096, Permutation,
+            only "indirect.technique=rsm|ism|traced";
         /// Where virtual lights are put.
         sampling: VplSampling = VplSampling::View, "", (), Uniform,
             only "indirect.technique=rsm|ism|traced";

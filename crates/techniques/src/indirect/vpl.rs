@@ -9,11 +9,12 @@ use crate::scene::words::normal_word;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Vpl {
-    /// Metres.
+    /// Metres; of what is infinitely far see [`Vpl::far`].
     pub position_ws: [f32; 3],
     /// Octahedral, 16-bit snorm each; see [`Vpl::new`].
     pub normal: u32,
-    /// Reflected flux in lumens, red, green and blue: albedo × incident flux, over its probability.
+    /// Reflected flux in lumens, red, green and blue: albedo × incident flux, over its probability. Of what is infinitely far the
+    /// illuminance across its direction, lux.
     pub flux: [f32; 3],
     /// Number of its block of points in the lower 16 bits; in the upper ones log2 of its radius as a half float.
     pub block_radius: u32,
@@ -21,6 +22,8 @@ pub struct Vpl {
 
 /// log2 of the radius of what has none, metres.
 const NO_RADIUS: f32 = -60.0;
+/// The same of what is infinitely far.
+const FAR_RADIUS: f32 = 60.0;
 
 impl Vpl {
     /// With a unit normal, which is rounded by less than 7·10⁻⁵ rad;
@@ -36,6 +39,14 @@ impl Vpl {
     pub fn with_radius(self, metres: f32) -> Self {
         let octaves = half::f16::from_f32(metres.log2().max(NO_RADIUS));
         Self { block_radius: self.block_radius & 0xffff | u32::from(octaves.to_bits()) << 16, ..self }
+    }
+
+    /// Light that goes one way from infinitely far, of so many lux across it, and enters the scene's sphere at a place: on its axis,
+    /// a radius before the middle.
+    pub fn far(enters_ws: Vec3, goes_ws: Vec3, lux: Vec3, block: u32) -> Self {
+        let octaves = half::f16::from_f32(FAR_RADIUS);
+        let point = Self::new(enters_ws, goes_ws, lux, block);
+        Self { block_radius: point.block() | u32::from(octaves.to_bits()) << 16, ..point }
     }
 
     /// Number of its block of points.

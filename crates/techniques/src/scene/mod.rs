@@ -11,7 +11,7 @@ mod instance;
 pub mod material;
 pub mod motion;
 mod shares;
-mod srgb;
+pub(crate) mod srgb;
 pub mod texture;
 pub(crate) mod words;
 

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 /// Linear values of sRGB codes.
-pub(super) static DECODE: LazyLock<[f32; 256]> = LazyLock::new(|| {
+pub(crate) static DECODE: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|code| {
         let c = code as f32 / 255.0;
         if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }

@@ -30,6 +30,7 @@ use chiaro_gpu::{
 };
 
 use crate::direct::LightInputs;
+use crate::indirect::gather::Gathered;
 use crate::scene::SEE_THROUGH;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders::{self, Layer};
@@ -58,8 +59,8 @@ pub struct Transparency {
     indexed: bool,
 }
 
-/// Gathers the indirect light of a layer by its depth and surface.
-pub type GatherLayer<'a> = &'a dyn Fn(&mut Frame<'_>, &Texture, &Texture) -> Texture;
+/// Gathers the light of a layer by its depth and surface.
+pub type GatherLayer<'a> = &'a dyn Fn(&mut Frame<'_>, &Texture, &Texture) -> Gathered;
 
 /// Layers of one size.
 #[derive(Debug)]
@@ -205,8 +206,13 @@ impl Transparency {
             frame.compute("transparency/resolve", &self.resolve, shared, &resolve, pixels);
             self.record_behind(frame, radiance, &room.behind);
             let gathered = gather.map(|gather| gather(frame, depth, &room.surface));
-            let irradiance = gathered.as_ref().unwrap_or(light.irradiance);
-            binds.extend(LightInputs { irradiance, ..light }.binds());
+            let (bounced, sourced) = gathered.as_ref().map(Gathered::parts).unwrap_or_default();
+            let own = LightInputs {
+                irradiance: bounced.unwrap_or(light.irradiance),
+                source_irradiance: sourced.unwrap_or(light.source_irradiance),
+                ..light
+            };
+            binds.extend(own.binds());
             binds.extend([
                 ("depth", depth.into()),
                 ("opaque_depth", opaque_depth.into()),

@@ -46,6 +46,7 @@ impl Maker {
         let tint = settings.shadow.transmission_tint;
         let draws_maps = settings.points().is_some();
         let gathers = GatherKey::new(&settings.indirect, tint, facts);
+        let gathers = gathers.map(|key| GatherKey { sources: false, ..key });
         macro_rules! compile {
             ($($name:ident: $pass:ty = $key:expr;)*) => {{
                 $(let mut $name = None;)*
@@ -59,7 +60,7 @@ impl Maker {
             rsm: Rsm = (Lookup::new(&settings.shadow), facts);
             gather: Option<Gather> = gathers;
             surfaces: Surfaces = SurfaceKey::new(&settings.surface, facts);
-            ism: Option<Ism> = draws_maps.then_some(());
+            ism: Option<Ism> = draws_maps.then_some(false);
             bounces: Option<Bounces> = (settings.indirect.made_bounces() > 1).then_some(());
             points: Option<Points> = draws_maps.then_some(facts);
             vpls: Vpls = ();
@@ -111,6 +112,8 @@ impl Maker {
             points: self.points.as_ref(),
             ism: self.ism.as_ref(),
             bounces: self.bounces.as_ref(),
+            // What glows and surrounds is the host's own.
+            sources: None,
             compensate: None,
             pictures: None,
         }

@@ -3,7 +3,8 @@
 //! imperfect reflective shadow maps).
 //!
 //! A map tells which point of the scene a VPL sees in each direction, and a point knows its place, normal and albedo: the map is
-//! a reflective one. So each further bounce takes its VPLs from the maps of the one before, and draws maps of its own.
+//! a reflective one. So each further bounce takes its VPLs from the maps of the one before, and draws maps of its own. What
+//! glows and what is around the scene ([`super::sources`]) is a bounce before the first.
 //!
 //! | step, for each further bounce | reads | writes | by |
 //! | --- | --- | --- | --- |
@@ -14,8 +15,8 @@
 //! | input | format | space, unit |
 //! | --- | --- | --- |
 //! | points | 16 bytes, see `point.wesl` | world, m |
-//! | VPLs | [`Vpl`](super::Vpl): each bounce has slots of its own, one after the other ([`IndirectSettings::slots`]) | world, m, lm |
-//! | `vpl_count` | for each bounce four u32: how many, not read, number of the first, reserved | |
+//! | VPLs | [`Vpl`](super::Vpl): each set has slots of its own, one after the other ([`IndirectSettings::slots`]) | world, m, lm |
+//! | `vpl_count` | for each set four u32: how many, not read, number of the first, reserved | |
 //!
 //! # Flux
 //! Each of M tries starts from a VPL v that is chosen by its share of the sum of fluxes by luminance, p_v = L_v / ΣL, in a
@@ -54,21 +55,23 @@ use super::settings::IndirectSettings;
 use super::vpls::turn;
 use crate::{Kit, Pass, shaders};
 
+/// Where there is no second set that lights; twin of the one in `bounce.wesl`.
+const NO_SET: u32 = u32::MAX;
+
 /// See `bounce.wesl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct BounceData {
-    pub(crate) number: u32,
+    pub(crate) vpl_set: u32,
     pub(crate) first: u32,
     pub(crate) most: u32,
     pub(crate) first_block: u32,
     pub(crate) place: u32,
     pub(crate) appends: u32,
     pub(crate) turn: [f32; 2],
+    pub(crate) lit_by: [u32; 2],
     pub(crate) shift: f32,
     pub(crate) reserved0: u32,
-    pub(crate) reserved1: u32,
-    pub(crate) reserved2: u32,
 }
 
 /// What the passes are told through.
@@ -104,39 +107,40 @@ impl Bounces {
         BounceRoom { uniform: Buffer::new(gpu, "bounce", Life::Frame, bytes, usage) }
     }
 
-    /// Makes the VPLs of bounce number `inputs.bounce`, from 1 on, of the bounce before and its maps. `round` counts the frames of
-    /// a still: each goes on where the one before ended.
+    /// Makes the VPLs of the set `inputs.set` where those of one or two others, `lit_by`, shine, by their maps. `round` counts the
+    /// frames of a still: each goes on where the one before ended.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         (settings, seed, round): (&IndirectSettings, u32, u32),
-        inputs: &IsmInputs<'_>,
+        (inputs, lit_by): (&IsmInputs<'_>, &[u32]),
         atlases: &[IsmAtlas],
         room: &BounceRoom,
     ) {
-        let lighting = settings.slots(inputs.bounce - 1);
-        let own = settings.slots(inputs.bounce);
+        let lighting: Vec<_> = lit_by.iter().map(|set| settings.slots(*set)).collect();
+        let own = settings.slots(inputs.set);
         let most = own.len() as u32;
         // Dimensions after those of the first bounce.
-        let turned = |dimension| turn(seed, 3 * inputs.bounce + dimension);
+        let turned = |dimension| turn(seed, 3 * inputs.set + dimension);
         let mut data = BounceData {
-            number: inputs.bounce,
+            vpl_set: inputs.set,
             first: own.start,
             most,
             first_block: round.wrapping_mul(settings.all_slots()),
             place: round.wrapping_mul(most),
             appends: 0,
             turn: [turned(0), turned(1)],
+            lit_by: [0, 1].map(|number| lit_by.get(number).copied().unwrap_or(NO_SET)),
             shift: turned(2),
             reserved0: 0,
-            reserved1: 0,
-            reserved2: 0,
         };
         let bounce = ("bounce", (&room.uniform).into());
         let vpls = ("vpls", inputs.vpls.into());
         let count = ("vpl_count", inputs.vpl_count.into());
-        let holds =
-            |atlas: &&IsmAtlas| atlas.first < lighting.end && lighting.start < atlas.first + atlas.tiles;
+        let holds = |atlas: &&IsmAtlas| {
+            let last = atlas.first + atlas.tiles;
+            lighting.iter().any(|slots| atlas.first < slots.end && slots.start < last)
+        };
         for atlas in atlases.iter().filter(holds) {
             frame.upload(&room.uniform, &[data]);
             let [words, uniform] = atlas.binds();

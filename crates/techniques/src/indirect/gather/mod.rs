@@ -16,7 +16,7 @@
 //! | --- | --- | --- |
 //! | depth, surface | of the surface buffer | |
 //! | VPLs | [`Vpl`](super::Vpl) | world, m, lm |
-//! | their number | a uniform of four u32 for each of eight bounces: how many; of the first bounce see [`super::compensate`]; number of the first | |
+//! | their number | a uniform of four u32 for each set of VPLs: how many; of the first bounce see [`super::compensate`]; number of the first | |
 //! | `given_back`, where there is any | Rgba16Float: irradiance / π | nits · radiance scale |
 //! | maps | [`IsmAtlas`], in the order of the VPLs | |
 //! | output: `irradiance` | Rgba16Float: irradiance / π, at most 65,000; log2 of the view depth, −60 on sky and unlit surfaces | nits · radiance scale; m |
@@ -71,12 +71,18 @@ use chiaro_gpu::{
 
 use super::ism::IsmAtlas;
 use super::settings::{IndirectSettings, IrradianceFilter, Technique};
+use super::sources::SOURCES;
 use crate::rays::TraceFacts;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::{Kit, Pass, shaders};
 
 const IRRADIANCE: ViewHint = ViewHint::scaled(
     "Indirect light that arrives, as a white surface would show it",
+    Mapping::Exposed,
+    Scale::Nits,
+);
+const SOURCE_IRRADIANCE: ViewHint = ViewHint::scaled(
+    "Light of what glows and surrounds the scene that arrives, as a white surface would show it",
     Mapping::Exposed,
     Scale::Nits,
 );
@@ -110,8 +116,8 @@ pub(crate) struct GatherData {
     pub(crate) discontinuity_normal: f32,
     pub(crate) compensates: u32,
     pub(crate) gives_back: u32,
+    pub(crate) sets: u32,
     pub(crate) reserved0: u32,
-    pub(crate) reserved1: u32,
 }
 
 /// How it is found whether a place sees a VPL.
@@ -142,6 +148,8 @@ pub struct GatherKey {
     pub wide: bool,
     /// Whether it is told what the bound takes.
     pub clamp_loss: bool,
+    /// Whether light of what glows and surrounds the scene is gathered, too.
+    pub sources: bool,
     /// What rays may meet; the default without rays.
     pub facts: SceneFacts,
 }
@@ -159,7 +167,27 @@ impl GatherKey {
         let facts = if rays { facts } else { SceneFacts::default() };
         let filter = settings.filter;
         let wide = filter == IrradianceFilter::Edges && settings.interleave > 4;
-        Some(Self { sight, filter, wide, clamp_loss: settings.clamp_loss, facts })
+        let (clamp_loss, sources) = (settings.clamp_loss, settings.sources > 0);
+        Some(Self { sight, filter, wide, clamp_loss, sources, facts })
+    }
+}
+
+/// Whose light is gathered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gathers {
+    /// Of VPLs that scatter: indirect light.
+    Bounced,
+    /// Of VPLs on what shines itself ([`super::sources`]): direct light.
+    Sources,
+}
+
+impl Gathers {
+    /// A bit for each set of VPLs.
+    fn sets(self) -> u32 {
+        match self {
+            Self::Bounced => !(1 << SOURCES),
+            Self::Sources => 1 << SOURCES,
+        }
     }
 }
 
@@ -176,14 +204,32 @@ pub struct GatherInputs<'a> {
     pub surface: &'a Texture,
     /// [`Vpl`](super::Vpl)s.
     pub vpls: &'a Buffer,
-    /// For each of eight bounces four words: how many, the flux that bounds of the first one go by, and the number of the first.
+    /// For each set four words: how many, the flux that bounds of the first one go by, and the number of the first.
     pub vpl_count: &'a Buffer,
+    /// Whose light is gathered.
+    pub light: Gathers,
     /// Their maps; as many as the room is for, none without maps.
     pub atlases: &'a [IsmAtlas],
     /// The scene's trees, which rays alone need.
     pub tracer: Option<&'a Buffer>,
     /// What the bounds take, where it is given back: see [`super::compensate`].
     pub given_back: Option<&'a Texture>,
+}
+
+/// Light that was gathered at each pixel: Rgba16Float, irradiance / π in nits · radiance scale, log2 of the view depth.
+#[derive(Clone, Debug)]
+pub struct Gathered {
+    /// Indirect light.
+    pub bounced: Texture,
+    /// Straight from what glows and surrounds the scene, where that was gathered.
+    pub sourced: Option<Texture>,
+}
+
+impl Gathered {
+    /// Both.
+    pub fn parts(&self) -> (Option<&Texture>, Option<&Texture>) {
+        (Some(&self.bounced), self.sourced.as_ref())
+    }
 }
 
 /// What light is gathered into, of one size.
@@ -228,6 +274,8 @@ enum Filter {
 #[derive(Debug)]
 pub struct Gather {
     shade: ComputePipeline,
+    // Of VPLs some of which are infinitely far.
+    shade_sources: Option<ComputePipeline>,
     filter: Filter,
     key: GatherKey,
 }
@@ -257,7 +305,11 @@ impl Pass for Gather {
             Ok([along(false)?, along(true)?])
         };
         Ok(Self {
-            shade: make(shaders::gather(sight, key.clamp_loss), &constants)?,
+            shade: make(shaders::gather(sight, key.clamp_loss, false), &constants)?,
+            shade_sources: key
+                .sources
+                .then(|| make(shaders::gather(sight, false, true), &constants))
+                .transpose()?,
             filter: match key.filter {
                 IrradianceFilter::None => Filter::None,
                 IrradianceFilter::Edges => Filter::Edges(both(shaders::edges(key.wide))?),
@@ -279,12 +331,13 @@ impl Gather {
     /// Room for a picture size and so many atlases, one or none alike: what is there if it serves. Not inside a frame.
     pub fn room<'r>(
         &self,
-        gpu: &Gpu,
-        pool: &TexturePool,
+        (gpu, pool): (&Gpu, &TexturePool),
         size: [u32; 2],
         atlases: usize,
+        which: Gathers,
         room: &'r mut Option<GatherRoom>,
     ) -> &'r GatherRoom {
+        let loses = self.key.clamp_loss && which == Gathers::Bounced;
         let atlases = atlases.max(1);
         let filters = !matches!(self.filter, Filter::None);
         let finds = matches!(self.filter, Filter::Discontinuity { .. });
@@ -293,7 +346,7 @@ impl Gather {
             [has.width, has.height] == size
                 && room.between.is_some() == (filters || atlases > 1)
                 && room.discontinuities.is_some() == finds
-                && room.losses.is_some() == self.key.clamp_loss
+                && room.losses.is_some() == loses
                 && room.uniforms.len() == atlases
         };
         chiaro_gpu::keep(room, serves, || {
@@ -308,12 +361,16 @@ impl Gather {
                 let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
                 Buffer::new(gpu, "gather", Life::Frame, size_of::<GatherData>() as u64, usage)
             };
+            let (name, between, hint) = match which {
+                Gathers::Bounced => ("irradiance", "irradiance_between", IRRADIANCE),
+                Gathers::Sources => ("source_irradiance", "source_irradiance_between", SOURCE_IRRADIANCE),
+            };
             GatherRoom {
-                irradiance: light("irradiance", IRRADIANCE),
-                between: (filters || atlases > 1).then(|| light("irradiance_between", BETWEEN)),
+                irradiance: light(name, hint),
+                between: (filters || atlases > 1).then(|| light(between, BETWEEN)),
                 discontinuities: finds
                     .then(|| lend("discontinuities", TextureFormat::R32Float, DISCONTINUITIES)),
-                losses: self.key.clamp_loss.then(|| {
+                losses: loses.then(|| {
                     let last = loss("clamp_loss");
                     let between = if atlases > 1 { loss("clamp_loss_between") } else { last.clone() };
                     [last, between]
@@ -326,7 +383,7 @@ impl Gather {
     /// Gathers light and smooths it.
     ///
     /// # Panics
-    /// When maps, the scene or its trees are missing that the key asks for, or there are more atlases than the room is for, or
+    /// When maps, the scene or its trees are missing that the key asks for, or what shines itself was not compiled for, or there are more atlases than the room is for, or
     /// `edges` is to smooth more pixels than it was compiled for.
     pub fn record(
         &self,
@@ -357,6 +414,11 @@ impl Gather {
         let groups = [width.div_ceil(SIDE * n), height.div_ceil(rows * n)];
         let dispatch = Dispatch::Groups([groups[0], groups[1], n * n]);
         let by_map = matches!(self.key.sight, Sight::Ism { .. });
+        let (name, shade) = match (inputs.light, &self.shade_sources) {
+            (Gathers::Bounced, _) => ("indirect/gather", &self.shade),
+            (Gathers::Sources, Some(shade)) => ("indirect/gather_sources", shade),
+            (Gathers::Sources, None) => panic!("gathering was not compiled for what shines itself"),
+        };
         let count = if by_map { inputs.atlases.len() } else { 1 };
         let mut shared = vec![inputs.group];
         shared.extend(inputs.scene.map(SceneGpu::group));
@@ -374,8 +436,8 @@ impl Gather {
                 compensates: u32::from(inputs.given_back.is_some()),
                 // Once.
                 gives_back: u32::from(inputs.given_back.is_some() && number + 1 == count),
+                sets: inputs.light.sets(),
                 reserved0: 0,
-                reserved1: 0,
             };
             frame.upload(uniform, &[data]);
             // Back and forth, so that the last one writes the result. The first reads nothing, of whatever texture.
@@ -396,7 +458,7 @@ impl Gather {
             }
             binds.extend(atlas.into_iter().flat_map(IsmAtlas::binds));
             binds.extend(inputs.tracer.map(|tracer| ("tracer", tracer.into())));
-            frame.compute("indirect/gather", &self.shade, &shared, &binds, dispatch);
+            frame.compute(name, shade, &shared, &binds, dispatch);
         }
     }
 

@@ -17,7 +17,7 @@
 //! | --- | --- | --- |
 //! | points | 16 bytes: position (3 f32), octahedral normal (2 snorm8), albedo (5-6-5, not read here) | world, m |
 //! | VPLs | [`Vpl`](super::Vpl) | world, m, lm |
-//! | their number | four u32 a bounce: how many, not read, number of the first | |
+//! | their number | four u32 a set: how many, not read, number of the first | |
 //! | output: an atlas | a texel: depth in the upper 19 bits, point of the block in the lower 13; 0xffffffff = nothing | distance / largest distance of the scene |
 //!
 //! `lookup.wesl` answers whether a VPL sees a place: `ism_visibility`.
@@ -33,6 +33,9 @@
 //! always: a disc smaller than a texel is one texel large. Each texel's depth is that of the disc's plane, which goes on beyond
 //! the disc away from the VPL: ended there, discs of slanted walls shadowed the walls themselves. Points lower than a tenth of
 //! the disc's radius √(A / π) over the VPL's plane are the VPL's own surface and left out.
+//!
+//! A VPL that is infinitely far sees the scene's sphere, whose middle is a radius behind its place, along its axis z: a place p is
+//! in the map at p.xy / radius, its depth is p.z, and its disc covers a circle of area A |cos θ|.
 //!
 //! # Pull and push
 //! Pull (Marroquim et al. 2007): a coarser texel is the mean of those of its four finer ones that hold anything and are no
@@ -72,6 +75,7 @@ use chiaro_gpu::{
 };
 
 use super::settings::IndirectSettings;
+use super::sources::SOURCES;
 use crate::{Kit, Pass, shaders};
 
 const ATLAS: ViewHint = ViewHint::scaled(
@@ -119,7 +123,7 @@ pub(crate) struct IsmData {
     pub(crate) push_threshold: f32,
     pub(crate) pyramid: u32,
     pub(crate) splat: f32,
-    pub(crate) bounce: u32,
+    pub(crate) vpl_set: u32,
     pub(crate) reserved0: u32,
     pub(crate) reserved1: u32,
     pub(crate) reserved2: u32,
@@ -134,10 +138,10 @@ pub struct IsmInputs<'a> {
     pub pool: u32,
     /// [`Vpl`](super::Vpl)s.
     pub vpls: &'a Buffer,
-    /// For each bounce four words: how many, one that is not read here, and the number of the first.
+    /// For each set four words: how many, one that is not read here, and the number of the first.
     pub vpl_count: &'a Buffer,
-    /// Number of the bounce whose maps are drawn, from 0 on.
-    pub bounce: u32,
+    /// Number of the set whose maps are drawn.
+    pub set: u32,
     /// Area of all that the points stand for, m².
     pub scene_area_m2: f32,
     /// No two places of the scene are farther from each other, metres.
@@ -278,24 +282,32 @@ impl IsmRoom {
 #[derive(Debug)]
 pub struct Ism {
     splat: ComputePipeline,
+    // Of sets that have VPLs infinitely far, where there are any.
+    splat_far: Option<ComputePipeline>,
     pull: ComputePipeline,
     push: ComputePipeline,
     picture: ComputePipeline,
 }
 
 impl Pass for Ism {
-    type Key = ();
+    type Key = bool;
 
-    fn compile(kit: &Kit, (): &()) -> Result<Self, GpuError> {
+    /// With `far` for VPLs that are infinitely far, too.
+    fn compile(kit: &Kit, far: &bool) -> Result<Self, GpuError> {
         let compile = |entry| ComputePipeline::new(&kit.gpu, &kit.library, &entry, &[], &[]);
         let make = |entry| compile(shaders::plain(entry));
         let teams = kit.gpu.limits.max_compute_workgroup_storage_size >= TEAMS_BYTES;
         Ok(Self {
-            splat: compile(shaders::ism_splat(teams))?,
+            splat: compile(shaders::ism_splat(teams, false))?,
+            splat_far: far.then(|| compile(shaders::ism_splat(teams, true))).transpose()?,
             pull: make("indirect/ism/pull.cs.wesl")?,
             push: make("indirect/ism/push.cs.wesl")?,
             picture: make("indirect/ism/picture.cs.wesl")?,
         })
+    }
+
+    fn serves(has: &bool, wanted: &bool) -> bool {
+        *has || !wanted
     }
 }
 
@@ -339,7 +351,10 @@ impl Ism {
         }
     }
 
-    /// Draws the maps of a bounce's VPLs, all of which have a tile in the room, and fills their holes.
+    /// Draws the maps of a set's VPLs, all of which have a tile in the room, and fills their holes.
+    ///
+    /// # Panics
+    /// When they may be infinitely far and this was not compiled for such.
     pub fn record<'r>(
         &self,
         frame: &mut Frame<'_>,
@@ -348,8 +363,13 @@ impl Ism {
         room: &'r IsmRoom,
     ) -> &'r [IsmAtlas] {
         let plan = room.plan;
+        let splat = match &self.splat_far {
+            _ if inputs.set != SOURCES => &self.splat,
+            Some(splat) => splat,
+            None => panic!("imperfect shadow maps were not compiled for what is infinitely far"),
+        };
         let points_per_vpl = settings.points_per_vpl.min(inputs.pool).max(1);
-        frame.copy((inputs.vpl_count, 16 * u64::from(inputs.bounce)), (&room.groups, 0), 4);
+        frame.copy((inputs.vpl_count, 16 * u64::from(inputs.set)), (&room.groups, 0), 4);
         for atlas in &room.atlases {
             let data = IsmData {
                 largest_m: inputs.largest_m,
@@ -364,7 +384,7 @@ impl Ism {
                 push_threshold: settings.push_threshold,
                 pyramid: plan.pyramid(),
                 splat: settings.splat,
-                bounce: inputs.bounce,
+                vpl_set: inputs.set,
                 reserved0: 0,
                 reserved1: 0,
                 reserved2: 0,
@@ -383,7 +403,7 @@ impl Ism {
             };
             let binds =
                 [uniform, count, ("points", inputs.points.into()), ("vpls", inputs.vpls.into()), tiles];
-            frame.compute("indirect/ism_splat", &self.splat, &[], &binds, blocks);
+            frame.compute("indirect/ism_splat", splat, &[], &binds, blocks);
             show(frame, "indirect/ism_before", 0);
             if plan.levels > 0 {
                 frame.compute(

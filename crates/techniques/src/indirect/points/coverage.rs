@@ -13,7 +13,7 @@ const FEWEST: u32 = 4;
 const MOST: u32 = 64;
 
 /// How materials cover their triangles.
-pub(super) enum Cover<'a> {
+pub(in crate::indirect) enum Cover<'a> {
     /// All of it carries points.
     All,
     /// None: light passes.
@@ -23,14 +23,15 @@ pub(super) enum Cover<'a> {
 }
 
 /// Alpha of a material.
-pub(super) struct Alpha<'a> {
+pub(in crate::indirect) struct Alpha<'a> {
     factor: f32,
     /// Below this there is nothing; `None`: as much as alpha says.
     cutoff: Option<f32>,
     map: Option<Map<'a>>,
 }
 
-struct Map<'a> {
+/// A texture on the CPU.
+pub(in crate::indirect) struct Map<'a> {
     image: &'a cs::ImageData,
     texture: &'a cs::Texture,
     uv_set: usize,
@@ -39,39 +40,34 @@ struct Map<'a> {
 
 impl<'a> Cover<'a> {
     pub fn new(scene: &'a cs::Scene, made_of: &cs::Material) -> Self {
-        let cutoff = match made_of.alpha {
-            _ if material::transmission(made_of) > 0.0 => return Self::None,
-            cs::AlphaMode::Opaque => return Self::All,
-            cs::AlphaMode::Mask { cutoff } if cutoff <= 0.0 => return Self::All,
-            cs::AlphaMode::Mask { cutoff } => Some(cutoff),
-            cs::AlphaMode::Blend => None,
-        };
-        let map = made_of.base_color_texture.as_ref().map(|used| {
-            let texture = &scene.textures[used.texture];
-            let image = &scene.images[texture.image];
-            Map { image, texture, uv_set: used.uv_set, transform: used.uv_transform }
-        });
-        Self::Alpha(Alpha { factor: made_of.base_color.w, cutoff, map })
+        if material::transmission(made_of) > 0.0 {
+            return Self::None;
+        }
+        Alpha::new(scene, made_of).map_or(Self::All, Self::Alpha)
     }
 }
 
 impl<'a> Alpha<'a> {
+    /// `None` where a material covers all of its triangles.
+    pub fn new(scene: &'a cs::Scene, made_of: &cs::Material) -> Option<Self> {
+        let cutoff = match made_of.alpha {
+            cs::AlphaMode::Opaque => return None,
+            cs::AlphaMode::Mask { cutoff } if cutoff <= 0.0 => return None,
+            cs::AlphaMode::Mask { cutoff } => Some(cutoff),
+            cs::AlphaMode::Blend => None,
+        };
+        let map = made_of.base_color_texture.as_ref().map(|used| Map::new(scene, used));
+        Some(Self { factor: made_of.base_color.w, cutoff, map })
+    }
+
     /// What is known of a triangle's alpha.
     pub fn of(&'a self, cut: &Cut, triangle: &TriangleRef) -> Cutout<'a> {
         let [name, instance, _, packed] = triangle.word;
         let cluster = &cut.heap.clusters[(name >> 8) as usize];
         let word = |at: u32| cut.heap.words[at as usize];
-        let pair = |at: u32| Vec2::new(f32::from_bits(word(at)), f32::from_bits(word(at + 1)));
         let corners = [0, 8, 16].map(|shift| packed >> shift & 0xff);
         let extras = cluster.extras != NO_EXTRAS;
-        let set = self.map.as_ref().map_or(0, |map| map.uv_set);
-        let uv = corners.map(|corner| {
-            if extras && set != 0 {
-                pair(cluster.extras + 3 * corner)
-            } else {
-                pair(cluster.attributes + 4 * corner + 2)
-            }
-        });
+        let uv = coordinates(cut, triangle, self.map.as_ref().map_or(0, |map| map.uv_set));
         let alpha = |corner: u32| {
             if extras { (word(cluster.extras + 3 * corner + 2) >> 24) as f32 / 255.0 } else { 1.0 }
         };
@@ -79,8 +75,24 @@ impl<'a> Alpha<'a> {
     }
 }
 
+/// A triangle's texture coordinates of a set, corner by corner.
+pub(in crate::indirect) fn coordinates(cut: &Cut, triangle: &TriangleRef, set: usize) -> [Vec2; 3] {
+    let [name, _, _, packed] = triangle.word;
+    let cluster = &cut.heap.clusters[(name >> 8) as usize];
+    let word = |at: u32| f32::from_bits(cut.heap.words[at as usize]);
+    let pair = |at: u32| Vec2::new(word(at), word(at + 1));
+    [0, 8, 16].map(|shift| {
+        let corner = packed >> shift & 0xff;
+        if cluster.extras != NO_EXTRAS && set != 0 {
+            pair(cluster.extras + 3 * corner)
+        } else {
+            pair(cluster.attributes + 4 * corner + 2)
+        }
+    })
+}
+
 /// Alpha over a triangle.
-pub(super) struct Cutout<'a> {
+pub(in crate::indirect) struct Cutout<'a> {
     alpha: &'a Alpha<'a>,
     uv: [Vec2; 3],
     factors: [f32; 3],
@@ -121,9 +133,20 @@ impl Cutout<'_> {
     }
 }
 
-impl Map<'_> {
+impl<'a> Map<'a> {
+    pub fn new(scene: &'a cs::Scene, used: &cs::TextureRef) -> Self {
+        let texture = &scene.textures[used.texture];
+        let image = &scene.images[texture.image];
+        Self { image, texture, uv_set: used.uv_set, transform: used.uv_transform }
+    }
+
+    /// Which set of coordinates it goes by.
+    pub fn uv_set(&self) -> usize {
+        self.uv_set
+    }
+
     /// Texels under a triangle.
-    fn texels(&self, uv: [Vec2; 3]) -> f32 {
+    pub fn texels(&self, uv: [Vec2; 3]) -> f32 {
         let [a, b, c] = uv.map(|uv| {
             self.transform.transform_point2(uv) * Vec2::new(self.image.width as f32, self.image.height as f32)
         });
@@ -131,28 +154,35 @@ impl Map<'_> {
     }
 
     fn alpha(&self, uv: Vec2) -> f32 {
+        self.sampled(uv, |[.., alpha]| f32::from(alpha) / 255.0)
+    }
+
+    /// What of the finest texels' codes is asked for, filtered as the texture says.
+    pub fn sampled(&self, uv: Vec2, of: impl Fn([u8; 4]) -> f32) -> f32 {
+        let texel = |at: IVec2| of(self.texel(at));
         let size = Vec2::new(self.image.width as f32, self.image.height as f32);
         let at = self.transform.transform_point2(uv) * size;
         if self.texture.filter == cs::Filter::Nearest {
-            return self.texel(floor(at));
+            return texel(floor(at));
         }
         let low = floor(at - 0.5);
         let f = at - 0.5 - low.as_vec2();
         let row = |y: i32| {
-            let left = self.texel(low.wrapping_add(IVec2::new(0, y)));
-            left + f.x * (self.texel(low.wrapping_add(IVec2::new(1, y))) - left)
+            let left = texel(low.wrapping_add(IVec2::new(0, y)));
+            left + f.x * (texel(low.wrapping_add(IVec2::new(1, y))) - left)
         };
         let top = row(0);
         top + f.y * (row(1) - top)
     }
 
-    fn texel(&self, at: IVec2) -> f32 {
+    fn texel(&self, at: IVec2) -> [u8; 4] {
         let [x, y] = [
             wrapped(at.x, self.image.width as i32, self.texture.wrap[0]),
             wrapped(at.y, self.image.height as i32, self.texture.wrap[1]),
         ];
-        let code = self.image.rgba.get(4 * (y * self.image.width as usize + x) + 3);
-        code.map_or(1.0, |&code| f32::from(code) / 255.0)
+        let first = 4 * (y * self.image.width as usize + x);
+        let codes = self.image.rgba.get(first..first + 4);
+        codes.map_or([255; 4], |codes| std::array::from_fn(|channel| codes[channel]))
     }
 }
 

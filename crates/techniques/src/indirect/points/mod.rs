@@ -38,8 +38,8 @@
 //! 0.8 s of 8 instances of one million.
 
 mod build;
-mod coverage;
-mod sequence;
+pub(in crate::indirect) mod coverage;
+pub(in crate::indirect) mod sequence;
 #[cfg(test)]
 mod tests;
 

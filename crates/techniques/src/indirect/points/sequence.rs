@@ -1,7 +1,7 @@
 //! A sequence of two dimensions whose every run is even.
 
 /// A hash of low bias (Wellons 2018, "lowbias32"); twin of `hash` in `hash.wesl`.
-pub(super) fn hash(x: u32) -> u32 {
+pub(in crate::indirect) fn hash(x: u32) -> u32 {
     let mut v = x;
     v = (v ^ (v >> 16)).wrapping_mul(0x7feb_352d);
     v = (v ^ (v >> 15)).wrapping_mul(0x846c_a68b);
@@ -9,12 +9,12 @@ pub(super) fn hash(x: u32) -> u32 {
 }
 
 /// Of two numbers.
-pub(super) fn combined(a: u32, b: u32) -> u32 {
+pub(in crate::indirect) fn combined(a: u32, b: u32) -> u32 {
     hash(a ^ hash(b ^ 0x9e37_79b9))
 }
 
 /// 0..1, without 1, from all bits of a hash.
-pub(super) fn unit(hash: u32) -> f64 {
+pub(in crate::indirect) fn unit(hash: u32) -> f64 {
     f64::from(hash) / 4_294_967_296.0
 }
 
@@ -22,7 +22,7 @@ pub(super) fn unit(hash: u32) -> f64 {
 /// points in a row, wherever they begin, lie one in each of 2ᵏ equal parts; runs that begin at a multiple of their length
 /// are (0, 2) nets of both.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sequence {
+pub(in crate::indirect) struct Sequence {
     first: u32,
     second: u32,
 }
@@ -68,7 +68,7 @@ fn second_dimension(first: u32) -> u32 {
 
 /// Weights of a triangle's corners from a point of the square, without bending what is even (Heitz 2019, "A Low-Distortion
 /// Map Between Triangle and Square"), in parts of 65,535, whose sum they are.
-pub(super) fn corner_weights([x, y]: [f64; 2]) -> [u16; 3] {
+pub(in crate::indirect) fn corner_weights([x, y]: [f64; 2]) -> [u16; 3] {
     let [x, y] = if y > x { [0.5 * x, y - 0.5 * x] } else { [x - 0.5 * y, 0.5 * y] };
     let [b, c] = [x, y].map(|share| (share * 65_535.0 + 0.5) as u16);
     let b = b.min(u16::MAX - c);

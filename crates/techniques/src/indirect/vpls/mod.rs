@@ -40,6 +40,7 @@ use chiaro_gpu::{
 
 use super::rsm::{RsmPlan, RsmRoom};
 use super::settings::{IndirectSettings, VplSampling};
+use super::sources::SETS;
 use super::vpl::Vpl;
 use crate::{Kit, Pass, shaders};
 
@@ -83,7 +84,7 @@ pub fn candidates(settings: &IndirectSettings) -> u32 {
 pub struct VplRoom {
     /// [`Vpl`]s.
     pub vpls: Buffer,
-    /// For each bounce four words: how many; of the first bounce the mean of their fluxes by octaves, f32, lumens; the number of
+    /// For each set four words: how many; of the first bounce the mean of their fluxes by octaves, f32, lumens; the number of
     /// the first.
     pub count: Buffer,
     uniform: Buffer,
@@ -161,11 +162,7 @@ impl Vpls {
             let make = |name, bytes, usage| Buffer::new(gpu, name, Life::Frame, bytes, usage);
             VplRoom {
                 vpls: make("vpls", vpls * each, copied),
-                count: make(
-                    "vpl_count",
-                    16 * u64::from(IndirectSettings::MOST_BOUNCES),
-                    copied | BufferUsages::UNIFORM,
-                ),
+                count: make("vpl_count", 16 * u64::from(SETS), copied | BufferUsages::UNIFORM),
                 uniform: make(
                     "vpl_sampling",
                     size_of::<SamplingData>() as u64,
