@@ -13,7 +13,7 @@ use chiaro_techniques::indirect::sources::{
     SCATTERED, SOURCES, SourcePool, SourceRoom, Sources, Surroundings,
 };
 use chiaro_techniques::indirect::vpls::{VplRoom, Vpls, candidates};
-use chiaro_techniques::indirect::{IndirectSettings, VplSampling};
+use chiaro_techniques::indirect::{IndirectSettings, LitBy, Slots, VplSampling};
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::{Casters, ShadowOutputs};
 use chiaro_techniques::view::culling::{Culling, DrawLists};
@@ -100,7 +100,6 @@ pub(crate) struct Wanted<'a> {
 /// What a frame does.
 #[derive(Debug)]
 pub(crate) struct IndirectPlan {
-    // With what the scene has nothing for left out.
     settings: IndirectSettings,
     around: Surroundings,
     rsm: RsmPlan,
@@ -141,11 +140,6 @@ impl IndirectPlan {
     /// stood for less.
     fn bounded(&self) -> IndirectSettings {
         IndirectSettings { clamp: self.settings.clamp * self.share, ..self.settings.clone() }
-    }
-
-    /// Whether light of what shines itself is gathered.
-    pub fn shines(&self) -> bool {
-        self.settings.shines()
     }
 
     /// All views that there are.
@@ -213,21 +207,20 @@ impl IndirectRooms {
         settings: &Settings,
         wanted: &Wanted<'_>,
     ) -> Result<IndirectPlan, Error> {
-        // Slots and dispatches for what shines itself cost where nothing does.
-        let shines = scene.sources.is_some_and(SourcePool::glows) || wanted.around.nits != Vec3::ZERO;
-        let sources = if shines { settings.indirect.sources } else { 0 };
-        let indirect = &IndirectSettings { sources, ..settings.indirect.clone() };
+        let indirect = &settings.indirect;
+        let sources = scene.sources.is_some_and(|pool| pool.glows() || wanted.around.nits != Vec3::ZERO);
+        let slots = Slots::new(indirect, LitBy { lamps: !wanted.lights.is_empty(), sources });
         let evenly = if indirect.sampling == VplSampling::Halton { candidates(indirect) } else { 0 };
         let (views, note) = reflective_views(gpu, scene.gpu, (wanted.lights, wanted.near), indirect, evenly);
         let most = if wanted.moves { indirect.rsm_maps as usize } else { usize::MAX };
         let of = (scene.gpu, passes.surfaces);
         let rsm = passes.rsm.plan((gpu, pool), of, views, (most, indirect.rsm_cache), &mut self.rsm)?;
-        passes.vpls.room(gpu, indirect, rsm.tiles(), &mut self.vpls);
+        passes.vpls.room(gpu, indirect, (slots, rsm.tiles()), &mut self.vpls);
         let mut atlases = 0;
         match (passes.points, passes.ism, scene.points) {
             (Some(points), Some(ism), Some(data)) if settings.points().is_some() => {
                 points.room(gpu, data, &mut self.points)?;
-                let plan = IsmPlan::new(gpu, indirect, indirect.all_slots())?;
+                let plan = IsmPlan::new(gpu, indirect, slots.all())?;
                 let room = chiaro_gpu::keep(
                     &mut self.ism,
                     |room| room.serves(plan, wanted.pictures),
@@ -248,7 +241,7 @@ impl IndirectRooms {
         for (rooms, wants) in [(&mut self.gather, true), (&mut self.layer, wanted.layers)] {
             let all = [
                 (Gathers::Bounced, &mut rooms.bounced, wants),
-                (Gathers::Sources, &mut rooms.sourced, wants && indirect.shines()),
+                (Gathers::Sources, &mut rooms.sourced, wants && slots.shine()),
             ];
             for (light, room, wants) in all {
                 if wants {
@@ -291,17 +284,17 @@ impl IndirectRooms {
         passes.rsm.record(frame, &drawn, maps);
         let how = (indirect, seed, plan.round);
         passes.vpls.record(frame, how, (group, seen), (&plan.rsm, maps), placed);
+        let slots = placed.slots();
         if let (Some(sources), Some(pool), Some(room), true) =
-            (passes.sources, scene.sources, &self.sources, plan.shines())
+            (passes.sources, scene.sources, &self.sources, slots.shine())
         {
             let (what, vpls) = ((pool, plan.around), (&placed.vpls, &placed.count));
-            sources.record(frame, (indirect, plan.round), scene.gpu, what, vpls, room);
+            sources.record(frame, (slots, plan.round), scene.gpu, what, vpls, room);
         }
         if let (Some(points), Some(ism), Some(pool), Some(room), Some(data)) =
             (passes.points, passes.ism, &mut self.points, &self.ism, scene.points)
         {
             points.record(frame, scene.gpu, pool);
-            let (lo, hi) = scene.gpu.bounds_ws;
             let of = |set| IsmInputs {
                 points: &pool.points,
                 pool: pool.count,
@@ -309,22 +302,28 @@ impl IndirectRooms {
                 vpl_count: &placed.count,
                 set,
                 scene_area_m2: data.area_m2 as f32,
-                largest_m: lo.distance(hi).max(f32::MIN_POSITIVE),
+                bounds_ws: scene.gpu.bounds_ws,
             };
             ism.record(frame, indirect, &of(0), room);
             let bounce = |frame: &mut Frame<'_>, set, lit_by: &[u32]| {
                 if let (Some(bounces), Some(told)) = (passes.bounces, &self.bounces) {
-                    bounces.record(frame, how, (&of(set), lit_by), room.atlases(), told);
+                    bounces.record(
+                        frame,
+                        (slots, seed, plan.round),
+                        (&of(set), lit_by),
+                        room.atlases(),
+                        told,
+                    );
                     ism.record(frame, indirect, &of(set), room);
                 }
             };
-            if indirect.shines() {
+            if slots.shine() {
                 ism.record(frame, indirect, &of(SOURCES), room);
                 bounce(frame, SCATTERED, &[SOURCES]);
             }
             for set in 1..indirect.made_bounces() {
                 let lit_by = [set - 1, SCATTERED];
-                let sets = if set == 1 && indirect.shines() { 2 } else { 1 };
+                let sets = if set == 1 && slots.shine() { 2 } else { 1 };
                 bounce(frame, set, &lit_by[..sets]);
             }
         }

@@ -59,6 +59,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("indirect/gather/place.wesl"),
     shader!("indirect/ism/atlas.wesl"),
     shader!("indirect/ism/counted.wesl"),
+    shader!("indirect/ism/far.wesl"),
     shader!("indirect/ism/lookup.wesl"),
     shader!("indirect/ism/paraboloid.wesl"),
     shader!("indirect/ism/picture.cs.wesl"),

@@ -28,12 +28,14 @@ pub mod pictures;
 pub mod points;
 pub mod rsm;
 mod settings;
+mod slots;
 pub mod sources;
 mod vpl;
 pub mod vpls;
 
 pub use openness::{Openness, SkyView};
 pub use settings::{IndirectSettings, IrradianceFilter, IsmResolution, Technique, VplSampling};
+pub use slots::{LitBy, Slots};
 pub use vpl::Vpl;
 
 use std::f32::consts::PI;

@@ -1,12 +1,6 @@
 //! Settings of indirect light.
 
-use std::ops::Range;
-
-use super::sources::{SCATTERED, SOURCES};
 use crate::{choice, settings};
-
-/// Virtual lights of a further bounce, unless the first has fewer.
-const LEAST_SLOTS: u32 = 64;
 
 choice! {
     /// Where indirect light comes from.
@@ -106,27 +100,6 @@ impl IndirectSettings {
     /// Bounces that are made: imperfect shadow maps alone know what virtual lights shine at.
     pub fn made_bounces(&self) -> u32 {
         if self.technique == Technique::Ism { self.bounces.clamp(1, Self::MOST_BOUNCES) } else { 1 }
-    }
-
-    /// Numbers of the virtual lights that a set may have, the first being number 0. A bounce's set has its number: a quarter of the
-    /// first's for the second, and half as many for each further one. After all bounces that are made there are those on what shines
-    /// itself, and where those shine.
-    pub fn slots(&self, set: u32) -> Range<u32> {
-        let made = self.made_bounces();
-        let most = |set: u32| match set {
-            0 => self.vpls,
-            SOURCES if self.shines() => self.sources,
-            SCATTERED if self.scatters() => (self.vpls / 4).max(LEAST_SLOTS.min(self.vpls)),
-            _ if set < made => (self.vpls >> (set + 1)).max(LEAST_SLOTS.min(self.vpls)),
-            _ => 0,
-        };
-        let first = (0..set).map(most).sum();
-        first..first + most(set)
-    }
-
-    /// Those of all sets.
-    pub fn all_slots(&self) -> u32 {
-        self.slots(SCATTERED).end
     }
 
     /// Whether there are virtual lights on what shines itself.

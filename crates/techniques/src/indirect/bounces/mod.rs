@@ -15,7 +15,7 @@
 //! | input | format | space, unit |
 //! | --- | --- | --- |
 //! | points | 16 bytes, see `point.wesl` | world, m |
-//! | VPLs | [`Vpl`](super::Vpl): each set has slots of its own, one after the other ([`IndirectSettings::slots`]) | world, m, lm |
+//! | VPLs | [`Vpl`](super::Vpl): each set has slots of its own, one after the other ([`Slots`]) | world, m, lm |
 //! | `vpl_count` | for each set four u32: how many, not read, number of the first, reserved | |
 //!
 //! # Flux
@@ -51,7 +51,7 @@ use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life};
 
 use super::ism::{IsmAtlas, IsmInputs};
-use super::settings::IndirectSettings;
+use super::slots::Slots;
 use super::vpls::turn;
 use crate::{Kit, Pass, shaders};
 
@@ -112,13 +112,13 @@ impl Bounces {
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
-        (settings, seed, round): (&IndirectSettings, u32, u32),
+        (slots, seed, round): (&Slots, u32, u32),
         (inputs, lit_by): (&IsmInputs<'_>, &[u32]),
         atlases: &[IsmAtlas],
         room: &BounceRoom,
     ) {
-        let lighting: Vec<_> = lit_by.iter().map(|set| settings.slots(*set)).collect();
-        let own = settings.slots(inputs.set);
+        let lighting: Vec<_> = lit_by.iter().map(|set| slots.of(*set)).collect();
+        let own = slots.of(inputs.set);
         let most = own.len() as u32;
         // Dimensions after those of the first bounce.
         let turned = |dimension| turn(seed, 3 * inputs.set + dimension);
@@ -126,7 +126,7 @@ impl Bounces {
             vpl_set: inputs.set,
             first: own.start,
             most,
-            first_block: round.wrapping_mul(settings.all_slots()),
+            first_block: round.wrapping_mul(slots.all()),
             place: round.wrapping_mul(most),
             appends: 0,
             turn: [turned(0), turned(1)],

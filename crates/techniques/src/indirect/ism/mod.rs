@@ -34,8 +34,8 @@
 //! the disc away from the VPL: ended there, discs of slanted walls shadowed the walls themselves. Points lower than a tenth of
 //! the disc's radius √(A / π) over the VPL's plane are the VPL's own surface and left out.
 //!
-//! A VPL that is infinitely far sees the scene's sphere, whose middle is a radius behind its place, along its axis z: a place p is
-//! in the map at p.xy / radius, its depth is p.z, and its disc covers a circle of area A |cos θ|.
+//! A VPL that is infinitely far has the scene's box in its map, seen along its light: see `far.wesl`. A disc covers a circle of area
+//! A |cos θ| there.
 //!
 //! # Pull and push
 //! Pull (Marroquim et al. 2007): a coarser texel is the mean of those of its four finer ones that hold anything and are no
@@ -73,6 +73,8 @@ use chiaro_gpu::{
     Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life, Mapping, Scale, Texture,
     TextureOptions, ViewHint,
 };
+
+use glam::Vec3;
 
 use super::settings::IndirectSettings;
 use super::sources::SOURCES;
@@ -127,6 +129,8 @@ pub(crate) struct IsmData {
     pub(crate) reserved0: u32,
     pub(crate) reserved1: u32,
     pub(crate) reserved2: u32,
+    pub(crate) half_m: [f32; 3],
+    pub(crate) reserved3: u32,
 }
 
 /// What is drawn.
@@ -144,8 +148,8 @@ pub struct IsmInputs<'a> {
     pub set: u32,
     /// Area of all that the points stand for, m².
     pub scene_area_m2: f32,
-    /// No two places of the scene are farther from each other, metres.
-    pub largest_m: f32,
+    /// A box around the scene, metres.
+    pub bounds_ws: (Vec3, Vec3),
 }
 
 /// How maps of so many VPLs are laid out.
@@ -368,11 +372,12 @@ impl Ism {
             Some(splat) => splat,
             None => panic!("imperfect shadow maps were not compiled for what is infinitely far"),
         };
+        let (lo, hi) = inputs.bounds_ws;
         let points_per_vpl = settings.points_per_vpl.min(inputs.pool).max(1);
         frame.copy((inputs.vpl_count, 16 * u64::from(inputs.set)), (&room.groups, 0), 4);
         for atlas in &room.atlases {
             let data = IsmData {
-                largest_m: inputs.largest_m,
+                largest_m: lo.distance(hi).max(f32::MIN_POSITIVE),
                 point_area_m2: inputs.scene_area_m2 / points_per_vpl as f32,
                 resolution: plan.resolution,
                 points_per_vpl,
@@ -388,6 +393,8 @@ impl Ism {
                 reserved0: 0,
                 reserved1: 0,
                 reserved2: 0,
+                half_m: (0.5 * (hi - lo)).to_array(),
+                reserved3: 0,
             };
             frame.upload(&atlas.uniform, &[data]);
             let [words, uniform] = atlas.binds();

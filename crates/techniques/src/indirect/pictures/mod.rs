@@ -225,7 +225,7 @@ impl Pictures {
         if data.views > 0 {
             let lights = [("vpls", (&vpls.vpls).into()), ("vpl_count", (&vpls.count).into())];
             let binds = [picture, depth, surface, lights[0], lights[1], sums, marks];
-            let each = Dispatch::Threads([vpls.most(), 1, 1]);
+            let each = Dispatch::Threads([vpls.slots().all(), 1, 1]);
             frame.compute("indirect/vpl_marks", &self.vpls, groups, &binds, each);
         }
         resolve(frame, "indirect/vpl_picture", &room.vpls);

@@ -20,12 +20,12 @@
 //! pixel of a map is not missed. VPLs of both kinds lie evenly among each other, so that each pixel of a square of interleaved
 //! ones has its share of both.
 //!
-//! A VPL that is infinitely far has the scene's sphere for its map, seen along its light: texels are that sphere's diameter
-//! over the map's side. Its flux is its illuminance × the sphere's disc.
+//! A VPL that is infinitely far has the scene's box for its map, seen along its light: texels are that box's extent over the map's
+//! side. Its flux is its illuminance × the map's area.
 //!
 //! # Limits
-//! - A map of the whole sphere is coarse: what is smaller than a texel or two of it neither casts nor gets a shadow within that
-//!   distance. In a scene of 40 m and maps of 128² that is 30 cm.
+//! - A map of the whole scene is coarse: what is nearer than a texel or two to what it shadows does not. In a scene of 40 m and maps
+//!   of 128² that is 30 cm.
 //! - Gloss shows the surroundings as it does without this, and what glows not at all where there are surroundings, else as if it
 //!   was as bright from everywhere.
 //! - Luminance × area is that of the scene at rest: what a pose stretches shines as much as before.
@@ -47,6 +47,7 @@ use chiaro_scene as cs;
 use glam::Vec3;
 
 use super::settings::IndirectSettings;
+use super::slots::Slots;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::{Kit, Pass, shaders};
 
@@ -161,14 +162,14 @@ impl Sources {
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
-        (settings, round): (&IndirectSettings, u32),
+        (slots, round): (&Slots, u32),
         scene: &SceneGpu,
         (pool, around): (&SourcePool, Surroundings),
         (vpls, vpl_count): (&Buffer, &Buffer),
         room: &SourceRoom,
     ) {
         debug_assert!(self.facts.serve(scene.facts), "sources: compiled for another scene");
-        let own = settings.slots(SOURCES);
+        let own = slots.of(SOURCES);
         let count = own.len() as u32;
         let glowing = match (pool.glows(), around.nits.max_element() > 0.0) {
             (true, true) => count / 2,
@@ -180,7 +181,7 @@ impl Sources {
             count,
             glowing,
             first: own.start,
-            first_block: round.wrapping_mul(settings.all_slots()).wrapping_add(own.start),
+            first_block: round.wrapping_mul(slots.all()).wrapping_add(own.start),
             round,
             places: pool.place_count.max(1),
             directions: pool.direction_count.max(1),

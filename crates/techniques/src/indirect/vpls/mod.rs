@@ -40,6 +40,7 @@ use chiaro_gpu::{
 
 use super::rsm::{RsmPlan, RsmRoom};
 use super::settings::{IndirectSettings, VplSampling};
+use super::slots::Slots;
 use super::sources::SETS;
 use super::vpl::Vpl;
 use crate::{Kit, Pass, shaders};
@@ -93,8 +94,9 @@ pub struct VplRoom {
     candidates: Buffer,
     worths: Buffer,
     chances: Buffer,
-    // Candidates, lights of all bounces, tiles.
-    sizes: [u32; 3],
+    slots: Slots,
+    // Candidates, tiles.
+    sizes: [u32; 2],
 }
 
 impl VplRoom {
@@ -103,9 +105,9 @@ impl VplRoom {
         &self.sums
     }
 
-    /// As many lights as there may be, of all bounces.
-    pub fn most(&self) -> u32 {
-        self.sizes[1]
+    /// Which lights there may be.
+    pub fn slots(&self) -> &Slots {
+        &self.slots
     }
 }
 
@@ -149,13 +151,14 @@ impl Vpls {
         &self,
         gpu: &Gpu,
         settings: &IndirectSettings,
-        tiles: u32,
+        (slots, tiles): (Slots, u32),
         room: &'r mut Option<VplRoom>,
     ) -> &'r VplRoom {
-        let sizes = [candidates(settings), settings.all_slots(), tiles.max(1)];
-        let serves = |room: &VplRoom| room.sizes == sizes;
+        let sizes = [candidates(settings), tiles.max(1)];
+        let serves = |room: &VplRoom| (room.slots, room.sizes) == (slots, sizes);
         chiaro_gpu::keep(room, serves, || {
-            let [candidates, vpls, tiles] = sizes.map(u64::from);
+            let [candidates, tiles] = sizes.map(u64::from);
+            let vpls = u64::from(slots.all());
             let each = size_of::<Vpl>() as u64;
             let storage = BufferUsages::STORAGE;
             let copied = storage | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
@@ -173,6 +176,7 @@ impl Vpls {
                 candidates: make("vpl_candidates", candidates * each, storage),
                 worths: make("vpl_worths", 4 * candidates, storage).described(WORTHS),
                 chances: make("vpl_chances", 4 * candidates, storage),
+                slots,
                 sizes,
             }
         })
@@ -193,7 +197,7 @@ impl Vpls {
             candidates: candidates(settings),
             vpls: settings.vpls,
             round,
-            first_block: round.wrapping_mul(settings.all_slots()),
+            first_block: round.wrapping_mul(room.slots.all()),
             mode: u32::from(settings.sampling == VplSampling::Halton),
             by_view: u32::from(settings.sampling == VplSampling::View),
             turn: [turn(seed, 0), turn(seed, 1)],
