@@ -308,7 +308,10 @@ impl IndirectRooms {
                 vpls: &placed.vpls,
                 vpl_count: &placed.count,
                 set,
-                scene_area_m2: data.area_m2 as f32,
+                scene_area_m2: data.counted_m2() as f32,
+                dense: data.thinning().map(|thinning| {
+                    ((thinning.eye_m - scene.gpu.motion.origin()).as_vec3(), thinning.from_m)
+                }),
                 largest_m: lo.distance(hi).max(f32::MIN_POSITIVE),
             };
             ism.record(frame, indirect, &of(0), room);

@@ -328,6 +328,8 @@ fn rust_structs_equal_their_wesl_twins() {
         reserved0,
         reserved1,
         reserved2,
+        dense_at_ws,
+        dense_m,
     );
     same!(
         &linked("indirect/sources/place.cs.wesl"),

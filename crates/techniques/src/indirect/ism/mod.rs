@@ -25,7 +25,7 @@
 //! # Splat
 //! The paraboloid map takes a direction ω of the hemisphere around z to p = ω.xy / (1 + ω.z) (Ritschel et al. 2008, after Brabec
 //! et al. 2002), and solid angle to area by dA = dΩ / (1 + ω.z)². A point stands for A = scene area / points per VPL,
-//! and is taken for a disc of that area that turns away by θ. From d it covers the cap of half-angle α,
+//! four times as much for each step of its exponent ([`super::points`]), and is taken for a disc of that area that turns away by θ. From d it covers the cap of half-angle α,
 //!
 //! tan α = √(A |cos θ| / π) / d,  and in the map a circle of centre ω.xy / (ω.z + cos α), radius sin α / (ω.z + cos α),
 //!
@@ -73,6 +73,8 @@ use chiaro_gpu::{
     Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life, Mapping, Scale, Texture,
     TextureOptions, ViewHint,
 };
+
+use glam::Vec3;
 
 use super::settings::IndirectSettings;
 use super::sources::SOURCES;
@@ -127,6 +129,8 @@ pub(crate) struct IsmData {
     pub(crate) reserved0: u32,
     pub(crate) reserved1: u32,
     pub(crate) reserved2: u32,
+    pub(crate) dense_at_ws: [f32; 3],
+    pub(crate) dense_m: f32,
 }
 
 /// What is drawn.
@@ -142,8 +146,10 @@ pub struct IsmInputs<'a> {
     pub vpl_count: &'a Buffer,
     /// Number of the set whose maps are drawn.
     pub set: u32,
-    /// Area of all that the points stand for, m².
+    /// Area of all that the points stand for, in units of what one of exponent 0 does, m².
     pub scene_area_m2: f32,
+    /// Where they are densest, world space, and up to which distance from there, metres, where they are not so everywhere.
+    pub dense: Option<(Vec3, f32)>,
     /// No two places of the scene are farther from each other, metres.
     pub largest_m: f32,
 }
@@ -369,6 +375,7 @@ impl Ism {
             None => panic!("imperfect shadow maps were not compiled for what is infinitely far"),
         };
         let points_per_vpl = settings.points_per_vpl.min(inputs.pool).max(1);
+        let (dense_at_ws, dense_m) = inputs.dense.unwrap_or_default();
         frame.copy((inputs.vpl_count, 16 * u64::from(inputs.set)), (&room.groups, 0), 4);
         for atlas in &room.atlases {
             let data = IsmData {
@@ -388,6 +395,8 @@ impl Ism {
                 reserved0: 0,
                 reserved1: 0,
                 reserved2: 0,
+                dense_at_ws: dense_at_ws.to_array(),
+                dense_m,
             };
             frame.upload(&atlas.uniform, &[data]);
             let [words, uniform] = atlas.binds();
