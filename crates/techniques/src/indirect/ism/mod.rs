@@ -183,7 +183,7 @@ impl IsmPlan {
     /// # Errors
     /// As [`IsmPlan::new`].
     pub fn within(buffer_bytes: u64, settings: &IndirectSettings, vpls: u32) -> Result<Self, GpuError> {
-        let resolution = settings.ism_resolution.texels();
+        let resolution = settings.ism_texels();
         let levels = settings.levels.min(resolution.ilog2());
         let tile = 4 * u64::from(resolution).pow(2);
         let plan = Self {

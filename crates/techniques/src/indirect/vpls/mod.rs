@@ -93,7 +93,7 @@ pub struct VplRoom {
     candidates: Buffer,
     worths: Buffer,
     chances: Buffer,
-    // Candidates, lights of all bounces, tiles.
+    // Candidates, lights of all bounces and no fewer than are placed, tiles.
     sizes: [u32; 3],
 }
 
@@ -152,7 +152,7 @@ impl Vpls {
         tiles: u32,
         room: &'r mut Option<VplRoom>,
     ) -> &'r VplRoom {
-        let sizes = [candidates(settings), settings.all_slots(), tiles.max(1)];
+        let sizes = [candidates(settings), settings.all_slots().max(settings.vpls), tiles.max(1)];
         let serves = |room: &VplRoom| room.sizes == sizes;
         chiaro_gpu::keep(room, serves, || {
             let [candidates, vpls, tiles] = sizes.map(u64::from);
