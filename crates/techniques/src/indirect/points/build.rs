@@ -91,7 +91,8 @@ impl PointData {
     ) -> Self {
         let cut = Cut::new(scene, pose);
         let mut surfaces = Surfaces::new(scene, &cut, options, None);
-        let view = surfaces.extent_m(eye_m).map(|from_m| Thinning { eye_m, from_m });
+        // Of nothing all is near.
+        let view = Some(Thinning { eye_m, from_m: surfaces.extent_m(eye_m).unwrap_or(f32::INFINITY) });
         surfaces.thinning = view;
         let mut sums = surfaces.sums();
         let (weight, area) = sums.iter().fold((0.0, 0.0), |(w, a), sum| (w + sum.weight, a + sum.area));

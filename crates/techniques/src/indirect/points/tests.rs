@@ -346,6 +346,12 @@ fn points_are_thinned_only_where_that_leaves_more_near_the_view_and_others_are_d
     assert!(again.id == above.id && again.serves_from(DVec3::Y * 1.2e4));
     let down = PointData::build_for(&wide, &pose, options(4096), DVec3::ONE, Some(&above));
     assert!(down.id != above.id && down.thinning().is_some());
+    // A board seen from its edge, and a speck from afar, serve until the view moves on.
+    let board = boards(&[(Vec3::ZERO, Vec3::X, Vec3::Z, 0)], opaque());
+    for eye in [DVec3::new(-1.0, 0.0, 0.5), DVec3::new(1e9, 1e9, 0.0)] {
+        let data = PointData::build_for(&board, &board.pose(0.0), options(64), eye, None);
+        assert!(data.serves_from(eye) && !data.serves_from(DVec3::splat(-1e5)), "{eye}");
+    }
     // World space may count from anywhere.
     let mut moved = room_on(1e4);
     moved.origin = DVec3::new(1e6, 0.0, -3e5);

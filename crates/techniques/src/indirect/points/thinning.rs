@@ -19,8 +19,10 @@ const MOST_HALVINGS: u32 = 14;
 const BINS: usize = 1024;
 const BINS_AN_OCTAVE: f32 = 8.0;
 const FIRST_OCTAVE: f32 = -64.0;
-/// Of whole numbers that solid angles are added up as, one steradian.
-const STERADIAN: f64 = (1u64 << 32) as f64;
+/// Of whole numbers that solid angles are added up as, one steradian: specks far away count.
+const STERADIAN: f64 = (1u128 << 80) as f64;
+/// What is seen from its edge counts as if it were turned by this cosine.
+const EDGE_ON: f64 = 1e-3;
 
 /// Points far from a place are fewer, and stand for as much more area: by the cube of the distance, in steps of four.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -141,7 +143,7 @@ pub(super) fn parts(
 #[derive(Clone, Debug)]
 pub(super) struct Surround {
     // Whole numbers, so that their sum is the same in any order.
-    solid_angles: Vec<u64>,
+    solid_angles: Vec<u128>,
 }
 
 impl Default for Surround {
@@ -159,23 +161,21 @@ impl Surround {
         parts(corners, is_near, |part, sphere| {
             let to = sphere.center.as_dvec3() + origin - eye_m;
             let distance = to.length().max(f64::MIN_POSITIVE);
-            let cosine = normal.dot(to).abs() / distance;
+            let cosine = (normal.dot(to).abs() / distance).max(EDGE_ON);
             let angle = area_m2 * part.share() * cosine / (distance * distance);
             let bin = (BINS_AN_OCTAVE * ((distance as f32).log2() - FIRST_OCTAVE)) as usize;
             // No more than a plane around the place.
             let angle = angle.min(std::f64::consts::TAU);
             let sum = &mut self.solid_angles[bin.min(BINS - 1)];
-            *sum = sum.saturating_add((STERADIAN * angle) as u64);
+            *sum = sum.saturating_add((STERADIAN * angle) as u128);
         });
     }
 
     /// How far around a view all points are to be there, metres; `None` where it sees nothing.
     pub fn extent_m(&self) -> Option<f32> {
-        let all: u128 = self.solid_angles.iter().map(|&angle| u128::from(angle)).sum();
-        let mut left = all / 2;
-        let bin = self.solid_angles.iter().position(|&angle| {
-            let here = u128::from(angle);
-            let is_last = angle > 0 && here >= left;
+        let mut left = self.solid_angles.iter().sum::<u128>() / 2;
+        let bin = self.solid_angles.iter().position(|&here| {
+            let is_last = here > 0 && here >= left;
             left = left.saturating_sub(here);
             is_last
         })?;
