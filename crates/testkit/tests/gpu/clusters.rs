@@ -73,7 +73,7 @@ fn on_walls(count: u32, around: Vec3) -> Vec<Vpl> {
     let mut random = Random::new(5);
     let one = |i: u32| {
         let axis = (i % 3) as usize;
-        let side = if i % 2 == 0 { 1.0 } else { -1.0 };
+        let side = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
         let mut at = Vec3::ZERO.map(|_| random.within(-1.0, 1.0));
         at[axis] = side;
         let mut normal = Vec3::ZERO;
