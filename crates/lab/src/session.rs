@@ -162,7 +162,8 @@ impl<R> Session<R> {
             )));
         }
         let (_, view) = settle(&mut scene, 0.0, eye)?;
-        let (renderer, loaded) = load(&gpu, settings, &scene)?;
+        let (renderer, mut loaded) = load(&gpu, settings, &scene)?;
+        loaded.look_from(view.eye_ws());
         let scene_name = choice.source.to_string();
         Ok(Self { gpu, renderer, scene: loaded, scene_name, view, size, source: scene, eye })
     }
@@ -186,6 +187,7 @@ impl<R> Session<R> {
     pub fn go_to(&mut self, time_s: f64) -> Result<(), Error> {
         let (pose, view) = settle(&mut self.source, time_s, self.eye)?;
         self.scene.set_pose(&self.source, &pose)?;
+        self.scene.look_from(view.eye_ws());
         self.view = view;
         Ok(())
     }

@@ -3,6 +3,7 @@
 use chiaro_gpu::{Buffer, Frame, Gpu, Group, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
 use chiaro_techniques::indirect::bounces::{BounceRoom, Bounces};
+use chiaro_techniques::indirect::clusters::{ClusterRoom, Clusters};
 use chiaro_techniques::indirect::compensate::{Compensate, CompensateInputs, CompensateRoom};
 use chiaro_techniques::indirect::gather::{Gather, GatherInputs, GatherRoom, Gathered, Gathers};
 use chiaro_techniques::indirect::ism::{Ism, IsmAtlas, IsmInputs, IsmPlan, IsmRoom};
@@ -37,6 +38,8 @@ pub(crate) struct IndirectPasses<'a> {
     pub bounces: Option<&'a Bounces>,
     // Where settings ask for them.
     pub sources: Option<&'a Sources>,
+    // Where settings ask for any.
+    pub clusters: Option<&'a Clusters>,
     // Where settings ask for it.
     pub compensate: Option<&'a Compensate>,
     // Where something may ask for them.
@@ -62,6 +65,7 @@ pub(crate) struct IndirectRooms {
     vpls: Option<VplRoom>,
     ism: Option<IsmRoom>,
     bounces: Option<BounceRoom>,
+    clusters: Option<ClusterRoom>,
     compensate: Option<CompensateRoom>,
     sources: Option<SourceRoom>,
     gather: LightRooms,
@@ -104,6 +108,7 @@ pub(crate) struct IndirectPlan {
     around: Surroundings,
     rsm: RsmPlan,
     round: u32,
+    moves: bool,
     share: f32,
     /// What was given up, for the user.
     pub note: Option<String>,
@@ -232,6 +237,12 @@ impl IndirectRooms {
         }
         self.bounces = passes.bounces.map(|bounces| self.bounces.take().unwrap_or_else(|| bounces.room(gpu)));
         self.sources = passes.sources.map(|sources| self.sources.take().unwrap_or_else(|| sources.room(gpu)));
+        match passes.clusters.filter(|_| indirect.makes_clusters()) {
+            Some(clusters) => {
+                clusters.room(gpu, indirect, &mut self.clusters);
+            }
+            None => self.clusters = None,
+        }
         match passes.compensate.filter(|_| indirect.compensates()) {
             Some(compensate) => {
                 compensate.room(gpu, pool, wanted.size_px, &mut self.compensate);
@@ -259,7 +270,8 @@ impl IndirectRooms {
             None => self.pictures = None,
         }
         let (settings, around) = (indirect.clone(), wanted.around);
-        Ok(IndirectPlan { settings, around, rsm, round: wanted.round, share: wanted.share, note })
+        let (round, moves, share) = (wanted.round, wanted.moves, wanted.share);
+        Ok(IndirectPlan { settings, around, rsm, round, moves, share, note })
     }
 
     /// Places virtual lights, draws their shadows and gathers their light. `seed`: what sequences are turned by.
@@ -285,6 +297,9 @@ impl IndirectRooms {
         let how = (indirect, seed, plan.round);
         passes.vpls.record(frame, how, (group, seen), (&plan.rsm, maps), placed);
         let slots = placed.slots();
+        if let (Some(clusters), Some(room)) = (passes.clusters, &mut self.clusters) {
+            clusters.record(frame, (indirect, plan.round), (scene.gpu.id(), plan.moves), placed, room);
+        }
         if let (Some(sources), Some(pool), Some(room), true) =
             (passes.sources, scene.sources, &self.sources, slots.shine())
         {
@@ -301,7 +316,10 @@ impl IndirectRooms {
                 vpls: &placed.vpls,
                 vpl_count: &placed.count,
                 set,
-                scene_area_m2: data.area_m2 as f32,
+                scene_area_m2: data.counted_m2() as f32,
+                dense: data.thinning().map(|thinning| {
+                    ((thinning.eye_m - scene.gpu.motion.origin()).as_vec3(), thinning.from_m)
+                }),
                 bounds_ws: scene.gpu.bounds_ws,
             };
             ism.record(frame, indirect, &of(0), room);

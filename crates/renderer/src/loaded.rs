@@ -9,10 +9,10 @@ use chiaro_techniques::indirect::sources::SourcePool;
 use chiaro_techniques::light::{illuminance_scale, light_data};
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::Casters;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::indirect::LitScene;
-use crate::{Error, Settings, Trees};
+use crate::{Error, Settings, Trees, View};
 
 /// A scene on the GPU with its lights.
 ///
@@ -46,6 +46,8 @@ pub struct LoadedScene {
     pub(crate) points: Option<PointData>,
     /// What may shine itself.
     pub(crate) sources: SourcePool,
+    // Where views look from, metres from the world's own origin.
+    eye_m: Option<DVec3>,
 }
 
 /// Stored radiance of a white surface under the brightest light, in general. Half floats reach 65,504 above and 2⁻²⁴
@@ -81,6 +83,7 @@ impl LoadedScene {
             trees: None,
             points: None,
             sources,
+            eye_m: View::from_scene(scene, 0).map(|view| view.eye_ws().as_dvec3() + scene.origin),
         }
     }
 
@@ -115,12 +118,38 @@ impl LoadedScene {
         settings.shoots_rays() && self.trees.is_none()
     }
 
-    /// Whether settings draw imperfect shadow maps, and the scene has no points for them, or others: [`PointData::build`] makes
-    /// some by [`Settings::points`], and [`LoadedScene::give_points`] takes them. [`crate::Renderer::load`] and
-    /// [`crate::Renderer::equip`] do both.
+    /// Whether settings draw imperfect shadow maps, and the scene has no points for them, or others: [`LoadedScene::choose_points`]
+    /// makes some, and [`LoadedScene::give_points`] takes them. [`crate::Renderer::load`] and [`crate::Renderer::equip`] do both.
     pub fn lacks_points(&self, settings: &Settings) -> bool {
         let options = settings.points();
         options.is_some_and(|options| self.points.as_ref().is_none_or(|points| *points.options() != options))
+    }
+
+    /// Tells where the next views look from, so that points can be dense there; at first the scene's first camera.
+    pub fn look_from(&mut self, eye_ws: Vec3) {
+        self.eye_m = Some(eye_ws.as_dvec3() + self.gpu.motion.origin());
+    }
+
+    /// Whether points chosen for where views look from now ([`LoadedScene::look_from`]) would be better than those that the scene
+    /// has: shadows are right all the same, but coarser where most of the scene is far away. [`LoadedScene::choose_points`] makes
+    /// them on another thread.
+    pub fn points_are_due(&self) -> bool {
+        let serves = |points: &PointData| self.eye_m.is_none_or(|eye_m| points.serves_from(eye_m));
+        self.points.as_ref().is_some_and(|points| !serves(points))
+    }
+
+    /// What chooses points of the scene that this was loaded from, as settings want them, for where views look from now; any
+    /// thread may do it. `None` where settings draw none.
+    pub fn choose_points(
+        &self,
+        settings: &Settings,
+    ) -> Option<impl FnOnce(&Scene, &Pose) -> PointData + Send + use<>> {
+        let options = settings.points()?;
+        let (eye_m, before) = (self.eye_m, self.points.clone());
+        Some(move |scene: &Scene, pose: &Pose| match eye_m {
+            Some(eye_m) => PointData::build_for(scene, pose, options, eye_m, before.as_ref()),
+            None => PointData::build(scene, pose, options),
+        })
     }
 
     /// Takes points of this scene, in whatever pose they were chosen.

@@ -3,6 +3,7 @@
 use chiaro_gpu::{GpuError, parallel};
 use chiaro_techniques::direct::{DirectLight, Permutations};
 use chiaro_techniques::indirect::bounces::Bounces;
+use chiaro_techniques::indirect::clusters::Clusters;
 use chiaro_techniques::indirect::compensate::Compensate;
 use chiaro_techniques::indirect::gather::{Gather, GatherKey};
 use chiaro_techniques::indirect::ism::Ism;
@@ -111,6 +112,7 @@ passes! {
         (settings.indirect.made_bounces() > 1 || settings.indirect.scatters()).then_some(())
     };
     sources: Option<Sources> = |settings: &Settings, facts| settings.indirect.shines().then_some(facts);
+    clusters: Option<Clusters> = |settings: &Settings, _| settings.indirect.makes_clusters().then_some(());
     compensate: Option<Compensate> = |settings: &Settings, facts| {
         // Bounds come and go without compiling.
         let wanted = settings.indirect.compensate && settings.indirect.technique.makes_vpls();
@@ -138,6 +140,7 @@ impl Passes {
             ism: self.ism.as_ref(),
             bounces: self.bounces.as_ref(),
             sources: self.sources.as_ref(),
+            clusters: self.clusters.as_ref(),
             compensate: self.compensate.as_ref(),
             pictures: self.pictures.as_ref(),
         })

@@ -8,7 +8,6 @@ use chiaro_scene::Scene;
 use chiaro_techniques::direct::Permutations;
 use chiaro_techniques::environment::{arriving, sky, sky_light};
 use chiaro_techniques::frame::{FrameData, LightData};
-use chiaro_techniques::indirect::points::PointData;
 use chiaro_techniques::indirect::sources::Surroundings;
 use chiaro_techniques::indirect::{SkyView, ambient};
 use chiaro_techniques::light::grid_size;
@@ -201,7 +200,8 @@ impl Renderer {
 
     /// Gives a scene what the settings need of it beyond its upload, trees for rays and points for imperfect shadow maps, and
     /// compiles what it needs beyond earlier scenes. After [`Renderer::set`] has turned rays on, where
-    /// [`LoadedScene::upload`] was called by hand, and where [`LoadedScene::trees_are_due`]; waits for all.
+    /// [`LoadedScene::upload`] was called by hand, and where [`LoadedScene::trees_are_due`] or [`LoadedScene::points_are_due`];
+    /// waits for all.
     ///
     /// # Errors
     /// When the trees do not fit the adapter, or a shader does not compile.
@@ -448,8 +448,10 @@ fn gear_up(gpu: &Gpu, settings: &Settings, (scene, loaded): (&Scene, &mut Loaded
         let trees = Trees::build(gpu, scene, loaded.pose(), &loaded.moved())?;
         loaded.give_trees(scene, trees)?;
     }
-    if let Some(options) = settings.points().filter(|_| loaded.lacks_points(settings)) {
-        loaded.give_points(PointData::build(scene, loaded.pose(), options));
+    let are_due = loaded.lacks_points(settings) || loaded.points_are_due();
+    if let Some(choose) = loaded.choose_points(settings).filter(|_| are_due) {
+        let points = choose(scene, loaded.pose());
+        loaded.give_points(points);
     }
     Ok(())
 }

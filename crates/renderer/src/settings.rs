@@ -255,11 +255,8 @@ impl Settings {
 
     /// Which points of a scene imperfect shadow maps are drawn from, where settings ask for some.
     pub fn points(&self) -> Option<PointOptions> {
-        (self.indirect.technique == Technique::Ism).then_some(PointOptions {
-            points: self.indirect.points,
-            seed: self.seed,
-            thinning: None,
-        })
+        (self.indirect.technique == Technique::Ism)
+            .then_some(PointOptions { points: self.indirect.points, seed: self.seed })
     }
 
     /// The same with nothing left to the adapter.

@@ -9,6 +9,7 @@ use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::indirect::Vpl;
 use crate::indirect::bounces::BounceData;
+use crate::indirect::clusters::{Centre, ClusteringData};
 use crate::indirect::compensate::CompensateData;
 use crate::indirect::foreign::ForeignData;
 use crate::indirect::gather::GatherData;
@@ -306,6 +307,21 @@ fn rust_structs_equal_their_wesl_twins() {
         radius_px,
         reserved,
     );
+    let cluster = &linked("indirect/clusters/assign.cs.wesl");
+    same!(
+        cluster,
+        ClusteringData,
+        "Clustering",
+        clusters,
+        first_block,
+        is_warm,
+        position,
+        normal,
+        reserved0,
+        reserved1,
+        reserved2,
+    );
+    same!(cluster, Centre, "Centre", position_ws, reserved0, normal_ws, reserved1);
     let splat = &linked("indirect/ism/splat.cs.wesl");
     same!(splat, Vpl, "Vpl", position_ws, normal, flux, block_radius);
     same!(
@@ -330,6 +346,8 @@ fn rust_structs_equal_their_wesl_twins() {
         reserved2,
         half_m,
         reserved3,
+        dense_at_ws,
+        dense_m,
     );
     same!(
         &linked("indirect/sources/place.cs.wesl"),

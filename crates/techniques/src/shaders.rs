@@ -47,6 +47,11 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("indirect/bounces/bounce.wesl"),
     shader!("indirect/bounces/place.cs.wesl"),
     shader!("indirect/bounces/spread.cs.wesl"),
+    shader!("indirect/clusters/assign.cs.wesl"),
+    shader!("indirect/clusters/cluster.wesl"),
+    shader!("indirect/clusters/finish.cs.wesl"),
+    shader!("indirect/clusters/start.cs.wesl"),
+    shader!("indirect/clusters/update.cs.wesl"),
     shader!("indirect/foreign/radiance.cs.wesl"),
     shader!("indirect/foreign/surface.cs.wesl"),
     shader!("indirect/compensate/nearby.cs.wesl"),
@@ -191,6 +196,9 @@ pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
         "indirect/bounces/place.cs.wesl",
         "indirect/bounces/spread.cs.wesl",
+        "indirect/clusters/assign.cs.wesl",
+        "indirect/clusters/finish.cs.wesl",
+        "indirect/clusters/start.cs.wesl",
         "indirect/foreign/radiance.cs.wesl",
         "indirect/foreign/surface.cs.wesl",
         "indirect/compensate/nearby.cs.wesl",
@@ -242,7 +250,7 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(behind(a));
         all.push(motion_vectors(a));
         all.push(accumulate(a));
-        all.extend([ism_splat(a, false), ism_splat(a, true), edges(a)]);
+        all.extend([ism_splat(a, false), ism_splat(a, true), edges(a), cluster_update(a)]);
         all.push(path_trace(a));
         all.push(shadow_depth(a));
         all.extend([shadow_paraboloid(a, false), shadow_paraboloid(a, true)]);
@@ -362,6 +370,11 @@ pub fn aov(shadows: ShadowSource) -> Permutation {
 /// Imperfect shadow maps; with `teams`, large discs are drawn by several lanes.
 pub fn ism_splat(teams: bool, far: bool) -> Permutation {
     Permutation::plain("indirect/ism/splat.cs.wesl").flag("teams", teams).flag("far", far)
+}
+
+/// The centres of clusters, or the lights that they are.
+pub fn cluster_update(emits: bool) -> Permutation {
+    Permutation::plain("indirect/clusters/update.cs.wesl").flag("emits", emits)
 }
 
 /// The mean over what is interleaved, of more than 4 × 4 pixels or of no more.

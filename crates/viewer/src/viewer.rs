@@ -587,24 +587,32 @@ impl Viewer {
         lacks && self.grown.is_none()
     }
 
-    /// Has points built for imperfect shadow maps, where settings ask for some that the scene does not have; whether it
-    /// lacks any.
+    /// Has points built for imperfect shadow maps, where settings ask for some that the scene does not have, or others would
+    /// serve the view better; whether it lacks any.
     fn strew(&mut self) -> bool {
         let strewn = self.strewn.take();
         let (busy, wanted) = (self.strewing, self.wanted.clone());
+        let view = self.view();
+        if let (Some(view), Some(stage)) = (view, &mut self.stage) {
+            stage.loaded.look_from(view.eye_ws());
+        }
         let Some(options) = wanted.points() else { return false };
         let Some(stage) = self.coming() else { return false };
         let lacks = stage.loaded.lacks_points(&wanted);
+        let wants = lacks || stage.loaded.points_are_due();
         // Another scene may have come since they were begun, or others be wanted.
         let serves = |(points, of): &(Box<PointData>, Arc<Scene>)| {
             Arc::ptr_eq(&stage.scene, of) && *points.options() == options
         };
-        let strewn = strewn.filter(|strewn| lacks && serves(strewn));
-        if lacks && strewn.is_none() && !busy {
+        let strewn = strewn.filter(|strewn| wants && serves(strewn));
+        if wants
+            && strewn.is_none()
+            && !busy
+            && let Some(choose) = stage.loaded.choose_points(&wanted)
+        {
             let (scene, pose) = (stage.scene.clone(), stage.pose.clone());
             self.strewing = true;
-            self.jobs
-                .start(move || Report::Strewn(Box::new(PointData::build(&scene, &pose, options)), scene));
+            self.jobs.start(move || Report::Strewn(Box::new(choose(&scene, &pose)), scene));
         }
         self.strewn = strewn;
         lacks && self.strewn.is_none()

@@ -16,7 +16,7 @@ use chiaro_techniques::shadow::{Casters, Layout, ShadowOutputs, ShadowSettings};
 use chiaro_techniques::view::ViewTable;
 use chiaro_techniques::view::culling::{Culling, ListRoom};
 use chiaro_techniques::{Kit, shaders};
-use glam::Affine3A;
+use glam::{Affine3A, Vec3};
 
 use super::group;
 use crate::indirect::{GatherAt, IndirectRooms, LitScene, VplInputs, Wanted, near_suns};
@@ -97,6 +97,22 @@ impl IndirectLight {
             recorder: Recorder::new(gpu, false),
             notes: Vec::new(),
         })
+    }
+
+    /// Chooses points for imperfect shadow maps that are dense around a place that the camera looks from, where most of the scene is
+    /// far from it and those that there are were not chosen for about there. Takes up to seconds. Without it all are as dense.
+    ///
+    /// # Errors
+    /// When the scene is another than this was made from.
+    pub fn look_from(&mut self, scene: &Scene, pose: &Pose, eye_ws: Vec3) -> Result<(), Error> {
+        self.trees.check(scene)?;
+        let eye_m = eye_ws.as_dvec3() + scene.origin;
+        if let (Some(points), Some(options)) = (&self.points, self.settings.points())
+            && !points.serves_from(eye_m)
+        {
+            self.points = Some(PointData::build_for(scene, pose, options, eye_m, Some(points)));
+        }
+        Ok(())
     }
 
     /// Moves nodes of the scene that this was made from; the next frame's light follows. What no animation moves makes the trees be

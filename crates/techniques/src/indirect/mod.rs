@@ -10,6 +10,7 @@
 //! | places of the scene, for its shadows | [`points`] | a scene; found again where things move |
 //! | what each lamp shines at | [`rsm`] | a change |
 //! | virtual lights there | [`vpls`] | a frame |
+//! | many of them as fewer, where that is asked for | [`clusters`] | a frame |
 //! | virtual lights on what shines itself | [`sources`] | a frame |
 //! | a coarse shadow map of each | [`ism`] | a frame |
 //! | virtual lights where those shine, by their maps | [`bounces`] | a frame, and a further bounce |
@@ -19,6 +20,7 @@
 //! | what all this looks like | [`pictures`] | where asked for |
 
 pub mod bounces;
+pub mod clusters;
 pub mod compensate;
 pub mod foreign;
 pub mod gather;

@@ -102,6 +102,22 @@ impl IndirectSettings {
         if self.technique == Technique::Ism { self.bounces.clamp(1, Self::MOST_BOUNCES) } else { 1 }
     }
 
+    /// Virtual lights of the first bounce that shine: clusters of those that are placed, or these.
+    pub fn lights(&self) -> u32 {
+        if self.makes_clusters() { self.clusters } else { self.vpls }
+    }
+
+    /// Whether virtual lights are gathered in clusters, which are fewer.
+    pub fn makes_clusters(&self) -> bool {
+        self.technique.makes_vpls() && (1..self.vpls).contains(&self.clusters)
+    }
+
+    /// Texels a side of an imperfect shadow map: of clusters twice as many.
+    pub fn ism_texels(&self) -> u32 {
+        let side = self.ism_resolution.texels();
+        if self.makes_clusters() { (2 * side).min(IsmResolution::Side256.texels()) } else { side }
+    }
+
     /// Whether there are virtual lights on what shines itself.
     pub fn shines(&self) -> bool {
         self.technique.makes_vpls() && self.sources > 0
@@ -128,6 +144,18 @@ settings! {
         /// Virtual lights. More make light smoother and its shadows finer, and cost memory and time in proportion.
         vpls: u32 = 1024, "", 1..=65_535, Resources,
             only "indirect.technique=rsm|ism|traced";
+        /// Clusters of virtual lights that shine in their place, where they are fewer; 0 makes none. Shadow maps and gathering then cost
+        /// as for so many, and `indirect.vpls` may be several times as many at little cost; their maps have twice as many texels a
+        /// side, up to 256. Fewer blur light and its shadows.
+        clusters: u32 = 0, "", 0..=65_535, Resources,
+            only "indirect.technique=rsm|ism|traced";
+        /// How much lights' places count for which cluster they are in, of the radius that a cluster has on average. More makes
+        /// clusters rounder.
+        cluster_position as "cluster.position": f32 = 1.0, "", 0.0..=64.0, Uniform,
+            only "indirect.technique=rsm|ism|traced and indirect.clusters!=0";
+        /// How much their normals count. More keeps what looks elsewhere in other clusters.
+        cluster_normal as "cluster.normal": f32 = 2.0, "", 0.0..=64.0, Uniform,
+            only "indirect.technique=rsm|ism|traced and indirect.clusters!=0";
         /// Bounces of light. The second has a quarter of the virtual lights, each further one half as many, and each draws shadow
         /// maps of its own: with two lights cost a quarter more, with many half as much again.
         bounces: u32 = 1, "", 1..=8, Permutation,

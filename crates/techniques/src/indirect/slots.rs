@@ -32,7 +32,7 @@ impl Slots {
             // One at least, so that buffers are not empty.
             0 => {
                 if lit_by.lamps || !lit_by.sources {
-                    settings.vpls
+                    settings.lights()
                 } else {
                     1
                 }

@@ -49,6 +49,11 @@ impl Vpl {
         Self { block_radius: point.block() | u32::from(octaves.to_bits()) << 16, ..point }
     }
 
+    /// Radius of the disc that it stands for, metres.
+    pub fn radius(&self) -> f32 {
+        half::f16::from_bits((self.block_radius >> 16) as u16).to_f32().exp2()
+    }
+
     /// Number of its block of points.
     pub fn block(&self) -> u32 {
         self.block_radius & 0xffff

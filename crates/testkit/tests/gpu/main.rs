@@ -6,6 +6,7 @@ mod brdf;
 mod brdf_sample;
 mod bsdf_sample;
 mod chi_square;
+mod clusters;
 mod compensate;
 mod culling;
 mod docs;

@@ -1,7 +1,7 @@
 //! Indirect light in the viewer: one technique after the other, and pictures of what it is made from.
 
 use chiaro::{Pipeline, Pixels, Readback, Settings};
-use chiaro_viewer::Options;
+use chiaro_viewer::{Options, StartCamera};
 use egui::Key;
 
 use crate::driver::{Driver, mean};
@@ -123,4 +123,18 @@ fn digits_choose_what_indirect_light_is_made_from() {
         assert!(driver.viewer.buffers().any(|other| other == format!("indirect/{name}")));
     }
     assert!(driver.viewer.buffers().any(|name| name == "indirect/point_picture"));
+}
+
+#[test]
+fn points_are_chosen_anew_beside_the_frame_where_the_camera_is_far_from_where_they_were_chosen_for() {
+    let mut settings = driver("builtin:cornell").viewer.settings().clone();
+    settings.set("indirect.technique", "ism").unwrap();
+    // A scene that is loaded has points for its first camera.
+    let camera = StartCamera::Named("corner".into());
+    let mut driver =
+        Driver::new(Options { scene: "builtin:cornell".into(), settings, camera, ..Options::default() });
+    driver.until("choosing", |viewer| viewer.picture().is_some() && !viewer.is_settled());
+    driver.settle();
+    driver.until("averaged", |viewer| viewer.frames() >= 2);
+    assert!(driver.viewer.is_settled() && mean(&read(&driver)) > 1.0);
 }

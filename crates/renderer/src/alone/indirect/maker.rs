@@ -2,6 +2,7 @@
 
 use chiaro_gpu::{GpuError, parallel};
 use chiaro_techniques::indirect::bounces::Bounces;
+use chiaro_techniques::indirect::clusters::Clusters;
 use chiaro_techniques::indirect::foreign::Foreign;
 use chiaro_techniques::indirect::gather::{Gather, GatherKey};
 use chiaro_techniques::indirect::ism::Ism;
@@ -35,6 +36,7 @@ pub(super) struct Maker {
     points: Option<Points>,
     ism: Option<Ism>,
     bounces: Option<Bounces>,
+    clusters: Option<Clusters>,
 }
 
 impl Maker {
@@ -62,6 +64,7 @@ impl Maker {
             surfaces: Surfaces = SurfaceKey::new(&settings.surface, facts);
             ism: Option<Ism> = draws_maps.then_some(false);
             bounces: Option<Bounces> = (settings.indirect.made_bounces() > 1).then_some(());
+            clusters: Option<Clusters> = settings.indirect.makes_clusters().then_some(());
             points: Option<Points> = draws_maps.then_some(facts);
             vpls: Vpls = ();
             culling: Culling = ();
@@ -76,6 +79,7 @@ impl Maker {
             surfaces,
             ism,
             bounces,
+            clusters,
             points,
             vpls,
             culling,
@@ -98,6 +102,7 @@ impl Maker {
             points,
             ism,
             bounces,
+            clusters,
         })
     }
 
@@ -114,6 +119,7 @@ impl Maker {
             bounces: self.bounces.as_ref(),
             // What glows and surrounds is the host's own.
             sources: None,
+            clusters: self.clusters.as_ref(),
             compensate: None,
             pictures: None,
         }

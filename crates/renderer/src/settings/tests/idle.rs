@@ -46,6 +46,7 @@ const COMBINATIONS: [&[(&str, &str)]; 19] = [
         ("indirect.sampling", "importance"),
         ("indirect.interleave", "1"),
         ("indirect.compensate", "true"),
+        ("indirect.clusters", "4"),
     ],
     &[
         ("indirect.technique", "rsm"),

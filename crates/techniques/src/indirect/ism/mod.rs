@@ -25,7 +25,7 @@
 //! # Splat
 //! The paraboloid map takes a direction ω of the hemisphere around z to p = ω.xy / (1 + ω.z) (Ritschel et al. 2008, after Brabec
 //! et al. 2002), and solid angle to area by dA = dΩ / (1 + ω.z)². A point stands for A = scene area / points per VPL,
-//! and is taken for a disc of that area that turns away by θ. From d it covers the cap of half-angle α,
+//! four times as much for each step of its exponent ([`super::points`]), and is taken for a disc of that area that turns away by θ. From d it covers the cap of half-angle α,
 //!
 //! tan α = √(A |cos θ| / π) / d,  and in the map a circle of centre ω.xy / (ω.z + cos α), radius sin α / (ω.z + cos α),
 //!
@@ -131,6 +131,8 @@ pub(crate) struct IsmData {
     pub(crate) reserved2: u32,
     pub(crate) half_m: [f32; 3],
     pub(crate) reserved3: u32,
+    pub(crate) dense_at_ws: [f32; 3],
+    pub(crate) dense_m: f32,
 }
 
 /// What is drawn.
@@ -146,8 +148,10 @@ pub struct IsmInputs<'a> {
     pub vpl_count: &'a Buffer,
     /// Number of the set whose maps are drawn.
     pub set: u32,
-    /// Area of all that the points stand for, m².
+    /// Area of all that the points stand for, in units of what one of exponent 0 does, m².
     pub scene_area_m2: f32,
+    /// Where they are densest, world space, and up to which distance from there, metres, where they are not so everywhere.
+    pub dense: Option<(Vec3, f32)>,
     /// A box around the scene, metres.
     pub bounds_ws: (Vec3, Vec3),
 }
@@ -181,7 +185,7 @@ impl IsmPlan {
     /// # Errors
     /// As [`IsmPlan::new`].
     pub fn within(buffer_bytes: u64, settings: &IndirectSettings, vpls: u32) -> Result<Self, GpuError> {
-        let resolution = settings.ism_resolution.texels();
+        let resolution = settings.ism_texels();
         let levels = settings.levels.min(resolution.ilog2());
         let tile = 4 * u64::from(resolution).pow(2);
         let plan = Self {
@@ -374,6 +378,7 @@ impl Ism {
         };
         let (lo, hi) = inputs.bounds_ws;
         let points_per_vpl = settings.points_per_vpl.min(inputs.pool).max(1);
+        let (dense_at_ws, dense_m) = inputs.dense.unwrap_or_default();
         frame.copy((inputs.vpl_count, 16 * u64::from(inputs.set)), (&room.groups, 0), 4);
         for atlas in &room.atlases {
             let data = IsmData {
@@ -395,6 +400,8 @@ impl Ism {
                 reserved2: 0,
                 half_m: (0.5 * (hi - lo)).to_array(),
                 reserved3: 0,
+                dense_at_ws: dense_at_ws.to_array(),
+                dense_m,
             };
             frame.upload(&atlas.uniform, &[data]);
             let [words, uniform] = atlas.binds();

@@ -1,13 +1,15 @@
 //! Choosing the points: on the CPU, once for a scene.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use chiaro_scene as cs;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::coverage::{Cover, Cutout};
 use super::sequence::{Sequence, combined, corner_weights, unit};
+use super::thinning::{Part, Surround, Thinning, parts};
 use crate::rays::{TriangleRef, cluster_triangles};
 use crate::scene::{Cut, InstanceData};
 
@@ -15,8 +17,8 @@ use crate::scene::{Cut, InstanceData};
 /// third corner in 16 bits.
 pub(crate) type Source = [u32; 3];
 
-/// Exponents of areas stay below this.
-const EXPONENTS: u32 = 16;
+/// Points are thinned where those that are near become as many times denser.
+const WORTHWHILE: f64 = 2.0;
 /// A place with a hole is drawn anew so often at most, then is one that is known to have none.
 const TRIES: u32 = 64;
 /// Points that a thread places in a row.
@@ -35,33 +37,11 @@ pub struct PointOptions {
     pub points: u32,
     /// What random numbers start from.
     pub seed: u32,
-    /// Fewer far away.
-    pub thinning: Option<Thinning>,
 }
 
 impl Default for PointOptions {
     fn default() -> Self {
-        Self { points: 1 << 21, seed: 0, thinning: None }
-    }
-}
-
-/// Points far from a place are fewer, by the square of the distance, and stand for as much more area: for scenes so large
-/// that most of their area is far from the view.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Thinning {
-    /// The place, world space.
-    pub eye_ws: Vec3,
-    /// Up to this distance all are there, metres.
-    pub from_m: f32,
-}
-
-impl Thinning {
-    /// Of the area that a triangle's points stand for, by its nearest place, in powers of two.
-    fn exponent(&self, corners: &[Vec3; 3]) -> u32 {
-        let middle = corners.iter().sum::<Vec3>() / 3.0;
-        let around = corners.iter().map(|corner| corner.distance(middle)).fold(0.0, f32::max);
-        let distance = (middle.distance(self.eye_ws) - around) / self.from_m;
-        ((2.0 * distance.max(1.0).log2()) as u32).min(EXPONENTS - 1)
+        Self { points: 1 << 21, seed: 0 }
     }
 }
 
@@ -69,23 +49,69 @@ impl Thinning {
 #[derive(Clone, Debug)]
 pub struct PointData {
     pub(super) id: u64,
-    pub(crate) sources: Vec<Source>,
+    pub(crate) sources: Arc<[Source]>,
     /// Area that carries points, m².
     pub area_m2: f64,
     /// Area that a point stands for where all are there, m²; 0 without points.
     pub point_m2: f64,
     options: PointOptions,
-    fingerprint: u64,
+    // The view that they are for, and from where on there would be fewer.
+    view: Option<Thinning>,
+    thinning: Option<Thinning>,
 }
 
 impl PointData {
     /// Chooses points on all that a scene draws, evenly by area as it stands in a pose.
     pub fn build(scene: &cs::Scene, pose: &cs::Pose, options: PointOptions) -> Self {
-        let (cut, fingerprint) = rayon::join(|| Cut::new(scene, pose), || scene.fingerprint());
-        let chosen = Surfaces::new(scene, &cut, options).and_then(|surfaces| surfaces.choose());
+        let cut = Cut::new(scene, pose);
+        let surfaces = Surfaces::new(scene, &cut, options, None);
+        Self::new(options, None, surfaces.choose(&surfaces.sums()))
+    }
+
+    /// The same with points that are fewer from a distance on.
+    pub fn build_thinned(
+        scene: &cs::Scene,
+        pose: &cs::Pose,
+        options: PointOptions,
+        thinning: Thinning,
+    ) -> Self {
+        let cut = Cut::new(scene, pose);
+        let surfaces = Surfaces::new(scene, &cut, options, Some(thinning));
+        Self::new(options, Some(thinning), surfaces.choose(&surfaces.sums()))
+    }
+
+    /// The same for views from near a place, metres from the world's own origin: fewer far from it where most of what there is
+    /// is far from it, else evenly. `before`: points of the same scene, which stay where nothing would change.
+    pub fn build_for(
+        scene: &cs::Scene,
+        pose: &cs::Pose,
+        options: PointOptions,
+        eye_m: DVec3,
+        before: Option<&Self>,
+    ) -> Self {
+        let cut = Cut::new(scene, pose);
+        let mut surfaces = Surfaces::new(scene, &cut, options, None);
+        // Of nothing all is near.
+        let view = Some(Thinning { eye_m, from_m: surfaces.extent_m(eye_m).unwrap_or(f32::INFINITY) });
+        surfaces.thinning = view;
+        let mut sums = surfaces.sums();
+        let (weight, area) = sums.iter().fold((0.0, 0.0), |(w, a), sum| (w + sum.weight, a + sum.area));
+        if WORTHWHILE * weight > area {
+            if let Some(before) = before.filter(|before| !before.is_thinned() && before.options == options) {
+                return Self { view, ..before.clone() };
+            }
+            surfaces.thinning = None;
+            for sum in &mut sums {
+                sum.weight = sum.area;
+            }
+        }
+        Self { view, ..Self::new(options, surfaces.thinning, surfaces.choose(&sums)) }
+    }
+
+    fn new(options: PointOptions, thinning: Option<Thinning>, chosen: Option<Chosen>) -> Self {
         let id = NEXT_ID.fetch_add(1, Ordering::Relaxed);
         let Chosen { sources, area_m2, point_m2 } = chosen.unwrap_or_default();
-        Self { id, sources, area_m2, point_m2, options, fingerprint }
+        Self { id, sources: sources.into(), area_m2, point_m2, options, view: thinning, thinning }
     }
 
     /// How many there are: as many as were asked for, or none where nothing has area.
@@ -103,19 +129,23 @@ impl PointData {
         &self.options
     }
 
-    /// Whether these are the points of a scene of this fingerprint, in whatever pose. Thinned ones serve views from up to a
-    /// quarter of [`Thinning::from_m`] away.
-    pub fn serves(&self, fingerprint: u64, options: &PointOptions) -> bool {
-        let near = match (&self.options.thinning, &options.thinning) {
-            (None, None) => true,
-            (Some(has), Some(wanted)) => {
-                has.from_m == wanted.from_m
-                    && has.eye_ws.distance(wanted.eye_ws) <= 0.25 * wanted.from_m.max(0.0)
-            }
-            _ => false,
-        };
-        let Self { options: PointOptions { points, seed, thinning: _ }, .. } = *self;
-        near && self.fingerprint == fingerprint && (points, seed) == (options.points, options.seed)
+    /// Where there are fewer, if there are anywhere.
+    pub fn thinning(&self) -> Option<&Thinning> {
+        self.thinning.as_ref()
+    }
+
+    fn is_thinned(&self) -> bool {
+        self.thinning.is_some()
+    }
+
+    /// Whether they serve views from a place as others would that were chosen for it, metres from the world's own origin.
+    pub fn serves_from(&self, eye_m: DVec3) -> bool {
+        self.is_empty() || self.view.is_some_and(|view| view.is_near(eye_m))
+    }
+
+    /// Area of the scene as points count it: in units of what a near one stands for, m².
+    pub fn counted_m2(&self) -> f64 {
+        self.point_m2 * f64::from(self.len())
     }
 
     /// Position and normal of each point in a pose of its scene, world space, as `update.cs.wesl` finds them.
@@ -145,9 +175,10 @@ struct Item {
     instance: u32,
 }
 
-/// A triangle that may carry points.
+/// A triangle that may carry points, or a part of one.
 struct Piece<'a> {
     triangle: TriangleRef,
+    part: Part,
     cutout: Option<Cutout<'a>>,
     /// How much of it is there.
     share: f32,
@@ -157,7 +188,7 @@ struct Piece<'a> {
 
 impl Piece<'_> {
     fn weight(&self) -> f64 {
-        self.area / f64::from(1u32 << self.exponent)
+        self.area / f64::from(1u32 << (2 * self.exponent))
     }
 }
 
@@ -184,37 +215,93 @@ struct Surfaces<'a> {
     covers: Vec<Cover<'a>>,
     items: Vec<Item>,
     options: PointOptions,
+    thinning: Option<Thinning>,
 }
 
 impl<'a> Surfaces<'a> {
-    /// `None` where nothing is asked for.
-    fn new(scene: &'a cs::Scene, cut: &'a Cut, options: PointOptions) -> Option<Self> {
+    fn new(scene: &'a cs::Scene, cut: &'a Cut, options: PointOptions, thinning: Option<Thinning>) -> Self {
         let covers = scene.materials.iter().map(|material| Cover::new(scene, material)).collect();
         let items = cut.drawn.iter().flat_map(|drawn| {
             drawn.clusters.clone().map(|cluster| Item { cluster, instance: drawn.instance })
         });
-        let items = items.collect();
-        (options.points > 0).then_some(Self { scene, cut, covers, items, options })
+        Self { scene, cut, covers, items: items.collect(), options, thinning }
     }
 
-    /// An item's triangles, always in the same order; how much of them is there is found out unless it is known.
-    fn pieces<'s>(&'s self, item: Item, shares: &'s [f32]) -> impl Iterator<Item = Piece<'s>> {
+    /// Triangles of an item that may carry points, with what covers them and their area.
+    fn triangles(&self, item: Item) -> impl Iterator<Item = (TriangleRef, &Cover<'a>, f64)> {
         let material = self.cut.heap.clusters[item.cluster].material as usize;
         let cover = &self.covers[material];
         let carries = !matches!(cover, Cover::None);
         let triangles = carries.then(|| cluster_triangles(self.scene, self.cut, item.cluster, item.instance));
-        triangles.into_iter().flatten().enumerate().map(move |(number, triangle)| {
+        triangles.into_iter().flatten().map(move |triangle| {
             let [a, b, c] = triangle.corners;
             let area = 0.5 * (b - a).as_dvec3().cross((c - a).as_dvec3()).length();
+            (triangle, cover, area)
+        })
+    }
+
+    /// How far around a view all points are to be there, metres.
+    fn extent_m(&self, eye_m: DVec3) -> Option<f32> {
+        let add = |mut surround: Surround, &item: &Item| {
+            for (triangle, _, area) in self.triangles(item) {
+                surround.add(triangle.corners, area, eye_m, self.scene.origin);
+            }
+            surround
+        };
+        let all = self.items.par_iter().fold(Surround::default, add);
+        all.reduce(Surround::default, std::ops::Add::add).extent_m()
+    }
+
+    /// An item's triangles, always in the same order; how much of them is there is found out unless it is known.
+    fn pieces<'s>(&'s self, item: Item, shares: &'s [f32]) -> impl Iterator<Item = Piece<'s>> {
+        self.triangles(item).enumerate().flat_map(move |(number, (triangle, cover, area))| {
             let cutout = match cover {
                 Cover::Alpha(alpha) => Some(alpha.of(self.cut, &triangle)),
                 _ => None,
             };
             let found = || cutout.as_ref().map_or(1.0, Cutout::share);
             let share = shares.get(number).copied().unwrap_or_else(found);
-            let exponent = self.options.thinning.map_or(0, |thinning| thinning.exponent(&triangle.corners));
-            Piece { triangle, cutout, share, area: area * f64::from(share), exponent }
+            let area = area * f64::from(share);
+            let whole = Piece { triangle, part: Part::WHOLE, cutout, share, area, exponent: 0 };
+            let (one, many) = self.thinned(whole);
+            one.into_iter().chain(many)
         })
+    }
+
+    /// A triangle whose points are all alike, or its parts.
+    fn thinned<'s>(&self, whole: Piece<'s>) -> (Option<Piece<'s>>, Vec<Piece<'s>>) {
+        let Some(thinning) = self.thinning else { return (Some(whole), Vec::new()) };
+        let (origin, corners) = (self.scene.origin, whole.triangle.corners);
+        let sphere = whole.part.sphere(corners);
+        // Of what is cut out a part may be all hole.
+        if whole.cutout.is_some() {
+            return (
+                Some(Piece { exponent: thinning.least_exponent_of(sphere, origin), ..whole }),
+                Vec::new(),
+            );
+        }
+        if !thinning.divides(sphere, origin) {
+            return (Some(Piece { exponent: thinning.exponent_of(sphere, origin), ..whole }), Vec::new());
+        }
+        let mut pieces = Vec::new();
+        let divides = |sphere| thinning.divides(sphere, origin);
+        parts(corners, divides, |part, sphere| {
+            let exponent = thinning.exponent_of(sphere, origin);
+            let area = whole.area * part.share();
+            pieces.push(Piece {
+                triangle: whole.triangle,
+                part,
+                cutout: None,
+                share: whole.share,
+                area,
+                exponent,
+            });
+        });
+        (None, pieces)
+    }
+
+    fn sums(&self) -> Vec<Sum> {
+        self.items.par_iter().map(|&item| self.sum(item)).collect()
     }
 
     fn sum(&self, item: Item) -> Sum {
@@ -228,8 +315,7 @@ impl<'a> Surfaces<'a> {
     }
 
     /// `None` where nothing has area.
-    fn choose(&self) -> Option<Chosen> {
-        let sums: Vec<Sum> = self.items.par_iter().map(|&item| self.sum(item)).collect();
+    fn choose(&self, sums: &[Sum]) -> Option<Chosen> {
         let area_m2 = sums.iter().map(|sum| sum.area).sum::<f64>();
         let ends: Vec<f64> = sums
             .iter()
@@ -241,7 +327,7 @@ impl<'a> Surfaces<'a> {
         let total = *ends.last().filter(|total| **total > 0.0 && total.is_finite())?;
 
         // The sequence leaves no two of a power of two in one slot: slot by slot, points are sorted.
-        let points = self.options.points;
+        let points = Some(self.options.points).filter(|points| *points > 0)?;
         let bits = points.next_power_of_two().trailing_zeros();
         let sequence = Sequence::new(self.options.seed);
         let slot = |index: u32| (u64::from(sequence.first(index)) << bits >> 32) as usize;
@@ -250,7 +336,7 @@ impl<'a> Surfaces<'a> {
             order[slot(index)] = index;
         }
         let sorted: Vec<Source> =
-            order.par_chunks(RUN).flat_map_iter(|run| self.place_run(run, &sums, &ends)).collect();
+            order.par_chunks(RUN).flat_map_iter(|run| self.place_run(run, sums, &ends)).collect();
         let sources = (0..points).into_par_iter().map(|index| sorted[slot(index)]).collect();
         Some(Chosen { sources, area_m2, point_m2: total / f64::from(points) })
     }
@@ -283,7 +369,8 @@ impl<'a> Surfaces<'a> {
             };
             // What is left of the number is even within the triangle.
             let rest = (1.0 - (end - at) / piece.weight()).clamp(0.0, 1.0);
-            let [_, second, third] = self.corners(piece, index, [rest, unit(sequence.second(index))]);
+            let own = self.corners(piece, index, [rest, unit(sequence.second(index))]);
+            let [second, third] = piece.part.place(own);
             let [name, instance, ..] = piece.triangle.word;
             [name, instance | piece.exponent << 24, u32::from(second) | u32::from(third) << 16]
         };

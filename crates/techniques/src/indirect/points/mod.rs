@@ -21,15 +21,24 @@
 //! alpha says. What transmits carries none: light passes. Metals and unlit surfaces carry black ones, which block light.
 //!
 //! # Distance
-//! With [`Thinning`] points far from a place are fewer, by powers of two up to 2¹⁵ of the area that each stands for: the
-//! exponent lies in the sources' second word and in the lowest bits of the points' positions. The area that is told
-//! ([`PointFacts::point_m2`]) is that of points with exponent 0.
+//! In scenes of kilometres most points would be where nobody looks. [`PointData::build_for`] makes those far from a view
+//! fewer (Ritschel et al. 2011, "Making Imperfect Shadow Maps View-Adaptive"; they have them follow the view's solid angle,
+//! which leaves near ones a share that falls with the scene's size): beyond the distance f the area that a point
+//! stands for grows with the cube of the distance, in steps of four up to 4¹⁵, so that a ground however wide has no more points
+//! than the part of it within 1.6 f. f is twice the distance that half of the solid angle around the view is nearer than,
+//! whatever stands before it. Large triangles are cut in parts for it. Where near points would not become at least twice as
+//! dense, all stay as dense. The exponent lies in the sources' second word and in the lowest bits of the points'
+//! positions; the area that is told ([`PointFacts::point_m2`]) is that of points with exponent 0.
+//!
+//! Points are for views from within f / 4; beyond, [`PointData::serves_from`] asks for others.
 //!
 //! # Limits
 //! Areas are those of the pose that the points were built in: what a pose stretches has fewer points for its area. Places
 //! have 16 bits along a triangle's side, 15 cm on one of 10 km. Of albedo there is one value a point, filtered over the
 //! point's own area; normals are the triangle's, towards its front (double-sided surfaces show the same point from behind),
-//! within 1°. A triangle without area in the pose of the build never has points. 128 MiB hold 8,388,608 points.
+//! within 1°. A triangle without area in the pose of the build never has points. Masked and blended triangles have points of one
+//! density, that of their nearest place. A triangle is cut in parts no smaller than 2⁻¹⁴ of it: one of 100 km has parts of 6 m.
+//! 128 MiB hold 8,388,608 points.
 //!
 //! # Cost
 //! 28 bytes a point on the GPU, 12 on the CPU. The update reads 12 bytes a point, its triangle and texels, and writes 16, in
@@ -42,8 +51,10 @@ pub(in crate::indirect) mod coverage;
 pub(in crate::indirect) mod sequence;
 #[cfg(test)]
 mod tests;
+mod thinning;
 
-pub use build::{PointData, PointOptions, Thinning};
+pub use build::{PointData, PointOptions};
+pub use thinning::Thinning;
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::BufferUsages;
@@ -78,7 +89,7 @@ pub struct Point {
     pub normal_ws: Vec3,
     /// Diffuse, linear Rec. 709.
     pub albedo: Vec3,
-    /// It stands for 2 to this times [`PointFacts::point_m2`].
+    /// It stands for 4 to this times [`PointFacts::point_m2`].
     pub exponent: u32,
 }
 

@@ -1,7 +1,7 @@
 //! Points against the areas that they stand for.
 
 use chiaro_scene as cs;
-use glam::{Affine3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 
 use super::sequence::{Sequence, hash, unit};
 use super::{PointData, PointOptions, Thinning};
@@ -29,7 +29,7 @@ fn opaque() -> Vec<cs::Material> {
 }
 
 fn options(points: u32) -> PointOptions {
-    PointOptions { points, seed: 7, ..PointOptions::default() }
+    PointOptions { points, seed: 7 }
 }
 
 fn build(scene: &cs::Scene, points: u32) -> PointData {
@@ -96,7 +96,7 @@ fn triangles_have_points_by_their_area_and_evenly() {
     let data = build(&scene, 1 << 16);
     assert_eq!((data.len(), data.is_empty()), (1 << 16, false));
     let mut counted = std::collections::BTreeMap::new();
-    for source in &data.sources {
+    for source in data.sources.iter() {
         counted.entry([source[0], source[1]]).or_insert_with(Vec::new).push(source[2]);
     }
     let pose = scene.pose(0.0);
@@ -253,34 +253,110 @@ fn the_points_are_the_same_on_any_number_of_threads() {
     }
 }
 
+/// Area that the points of each instance stand for, m².
+fn carried(data: &PointData, count: usize) -> Vec<f64> {
+    let mut carried = vec![0.0; count];
+    for source in data.sources.iter() {
+        let each = data.point_m2 * 4f64.powi((source[1] >> 24) as i32);
+        carried[(source[1] & 0xff_ffff) as usize] += each;
+    }
+    carried
+}
+
 #[test]
 fn far_points_are_fewer_and_stand_for_more() {
     let near = (Vec3::ZERO, Vec3::X, Vec3::Z, 0);
     let all: Vec<_> = [0.0, 16.0, 64.0, 1e6].iter().map(|&x| (x * Vec3::X, near.1, near.2, 0)).collect();
     let scene = boards(&all, opaque());
-    let thinning = Thinning { eye_ws: Vec3::ZERO, from_m: 3.7 };
-    let wanted = PointOptions { thinning: Some(thinning), ..options(8192) };
-    let data = PointData::build(&scene, &scene.pose(0.0), wanted);
+    let thinning = Thinning { eye_m: DVec3::ZERO, from_m: 3.7 };
+    let data = PointData::build_thinned(&scene, &scene.pose(0.0), options(8192), thinning);
     assert!((data.area_m2 - 4.0).abs() < 0.1, "{}", data.area_m2);
-    let mut carried = [0.0; 4];
-    for source in &data.sources {
-        carried[(source[1] & 0xff_ffff) as usize] += data.point_m2 * f64::from(1u32 << (source[1] >> 24));
-    }
     let counts = by_instance(&data.sources, 4);
-    // 16 m are 4.3 times the distance: squared, and cut down to a power of two, 16. 64 m: 256; and at most 2¹⁵.
-    assert!((f64::from(counts[0]) / f64::from(counts[1]) / 16.0 - 1.0).abs() < 0.02, "{counts:?}");
-    assert!((f64::from(counts[0]) / f64::from(counts[2]) / 256.0 - 1.0).abs() < 0.05, "{counts:?}");
-    assert!(carried[..3].iter().all(|area| (area - 1.0).abs() < 0.04), "{carried:?}");
-    assert!(counts[3] <= 1, "{counts:?}");
+    // 16 m are 4.3 times the distance: cubed, and cut down to a power of four, 64. 64 m: 4096.
+    assert!((f64::from(counts[0]) / f64::from(counts[1]) / 64.0 - 1.0).abs() < 0.02, "{counts:?}");
+    assert!((1..4).contains(&counts[2]) && counts[3] == 0, "{counts:?}");
+    let carried = carried(&data, 4);
+    assert!(carried[..2].iter().all(|area| (area - 1.0).abs() < 0.04), "{carried:?}");
+}
 
-    let moved = |by: f32| {
-        let thinning = Some(Thinning { eye_ws: by * Vec3::X, ..thinning });
-        PointOptions { thinning, ..wanted }
+/// A room of 2 m on ground of so many metres.
+fn room_on(side_m: f32) -> cs::Scene {
+    let side = 2.0;
+    let [x, y, z] = [Vec3::X * side, Vec3::Y * side, Vec3::Z * side];
+    let mut all: Vec<_> = [(x, y), (y, z), (z, x)].iter().map(|&(u, v)| (Vec3::ZERO, u, v, 0)).collect();
+    all.extend([(z, x, y), (x, y, z), (y, z, x)].map(|(at, u, v)| (at, u, v, 0)));
+    let corner = Vec3::new(-0.4, 0.0, -0.4) * side_m - 0.01 * Vec3::Y;
+    all.push((corner, Vec3::Z * side_m, Vec3::X * side_m, 0));
+    boards(&all, opaque())
+}
+
+#[test]
+fn a_ground_however_wide_leaves_what_is_near_its_points_and_areas_add_up() {
+    let eye = DVec3::ONE;
+    for side_m in [1e3, 1e4, 1e5] {
+        let scene = room_on(side_m);
+        let data = PointData::build_for(&scene, &scene.pose(0.0), options(1 << 16), eye, None);
+        let counts = by_instance(&data.sources, 7);
+        let room: u32 = counts[..6].iter().sum();
+        assert!(room > 1 << 13, "{side_m} m: {room} of 65536 points are in the room");
+        let carried = carried(&data, 7);
+        // One of the farthest points stands for much of the ground.
+        let ground = carried[6] / f64::from(side_m).powi(2);
+        assert!((ground - 1.0).abs() < 0.1, "{side_m} m: {ground} of the ground");
+        assert!(carried[..6].iter().all(|area| (area / 4.0 - 1.0).abs() < 0.01), "{carried:?}");
+        assert!((data.area_m2 / (24.0 + f64::from(side_m).powi(2)) - 1.0).abs() < 1e-6);
+        assert!((data.counted_m2() / data.point_m2 - 65_536.0).abs() < 1e-3);
+        // They lie on the ground, by their density.
+        let places = data.places(&scene, &scene.pose(0.0));
+        let reach = data.thinning().unwrap().from_m;
+        let (mut near, mut area) = (0, 0.0);
+        for ((at, _), source) in places.iter().zip(data.sources.iter()) {
+            if source[1] & 0xff_ffff == 6 {
+                assert!(
+                    (at.y + 0.01).abs() < 1e-4 * side_m && at.abs().max_element() < 0.61 * side_m,
+                    "{at}"
+                );
+                let is_near = at.as_dvec3().distance(eye) < 20.0 * f64::from(reach);
+                near += u32::from(is_near);
+                area += f64::from(u8::from(is_near)) * data.point_m2 * 4f64.powi((source[1] >> 24) as i32);
+            }
+        }
+        let disc = std::f64::consts::PI * (20.0 * f64::from(reach)).powi(2);
+        assert!(near > 1000 && (area / disc - 1.0).abs() < 0.1, "{side_m} m: {area} m² instead of {disc}");
+    }
+}
+
+#[test]
+fn points_are_thinned_only_where_that_leaves_more_near_the_view_and_others_are_due_when_it_moves() {
+    let even = |scene: &cs::Scene, eye: DVec3| {
+        let data = PointData::build_for(scene, &scene.pose(0.0), options(4096), eye, None);
+        assert!(data.serves_from(eye) && !data.serves_from(eye + 1e6 * DVec3::X));
+        (data.thinning().is_none() && data.sources == build(scene, 4096).sources, data)
     };
-    let own = scene.fingerprint();
-    assert!(data.serves(own, &wanted) && data.serves(own, &moved(0.9)));
-    assert!(!data.serves(own, &moved(1.0)) && !data.serves(own ^ 1, &wanted));
-    assert!(!data.serves(own, &options(8192)) && !data.serves(own, &PointOptions { seed: 1, ..wanted }));
+    let cornell = cs::load("builtin:cornell").unwrap();
+    assert!(even(&cornell, DVec3::new(0.0, 1.0, 1.0)).0);
+    let wide = room_on(1e4);
+    // In the room, and from so far up that the room is a speck.
+    assert!(!even(&wide, DVec3::ONE).0);
+    let (is_even, above) = even(&wide, DVec3::new(0.0, 6e3, 0.0));
+    assert!(is_even && above.serves_from(DVec3::new(0.0, 5e3, 0.0)) && !above.serves_from(DVec3::ONE));
+    // What would not change stays.
+    let pose = wide.pose(0.0);
+    let again = PointData::build_for(&wide, &pose, options(4096), DVec3::Y * 1.2e4, Some(&above));
+    assert!(again.id == above.id && again.serves_from(DVec3::Y * 1.2e4));
+    let down = PointData::build_for(&wide, &pose, options(4096), DVec3::ONE, Some(&above));
+    assert!(down.id != above.id && down.thinning().is_some());
+    // A board seen from its edge, and a speck from afar, serve until the view moves on.
+    let board = boards(&[(Vec3::ZERO, Vec3::X, Vec3::Z, 0)], opaque());
+    for eye in [DVec3::new(-1.0, 0.0, 0.5), DVec3::new(1e9, 1e9, 0.0)] {
+        let data = PointData::build_for(&board, &board.pose(0.0), options(64), eye, None);
+        assert!(data.serves_from(eye) && !data.serves_from(DVec3::splat(-1e5)), "{eye}");
+    }
+    // World space may count from anywhere.
+    let mut moved = room_on(1e4);
+    moved.origin = DVec3::new(1e6, 0.0, -3e5);
+    let there = PointData::build_for(&moved, &pose, options(4096), DVec3::ONE + moved.origin, None);
+    assert_eq!(there.sources, down.sources);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What reflective shadow maps look at.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Mat4, Vec2, Vec3};
+use glam::{Mat3, Mat4, Vec2, Vec3};
 
 use crate::frame::LightData;
 use crate::view::ViewData;
@@ -14,8 +14,10 @@ const NEAR_SHARE: f32 = 1e-7;
 const WIDEST: f32 = 1.3;
 /// From a cube face's axis to its corner, radians.
 const FACE: f32 = 0.955_32;
-/// A sun's second map is made where it is at most this share of the first across.
+/// A sun has a finer map where that is at most this share of the last across.
 const MUCH_FINER: f32 = 0.25;
+/// Maps that a sun has at most.
+const MOST_NESTED: usize = 4;
 /// Texels of a tile's side; twin of `TILE` in `rsm.wesl`.
 pub(super) const TILE: u32 = 8;
 
@@ -71,8 +73,8 @@ fn tiles(side: u32) -> u32 {
 /// The views of all lights, in their order: of a sun one around the scene, of a spot one around its cone, of a point, and of
 /// a spot wider than 75°, the faces of a cube that it shines at, with half as many texels a side.
 ///
-/// `near`: where what casts a sun's shadows is only a small part of the scene, a box around that. The sun then has a map
-/// of its own there, and the one around the scene leaves it out.
+/// `near`: where what casts a sun's shadows is only a small part of the scene, a box around that. The sun then has a finer map
+/// there, and the one around the scene leaves it out; where texels of that are larger than the box, one or two between them.
 ///
 /// `candidates`: dealt out to views by power where they are placed evenly.
 pub fn fit(
@@ -84,10 +86,9 @@ pub fn fit(
     let mut views = Vec::new();
     for (number, light) in (0..).zip(lights) {
         if light.kind == LightData::DIRECTIONAL {
-            let mut wide = Sun::around(light, bounds_ws, resolution);
+            let wide = Sun::around(light, bounds_ws, resolution);
             let near = near.get(number as usize).copied().flatten();
-            let finer = near.and_then(|near| wide.leave_out(light, near));
-            views.extend([Some(wide), finer].into_iter().flatten().map(|sun| sun.view(light, number)));
+            views.extend(wide.nested(light, near, bounds_ws).into_iter().map(|sun| sun.view(light, number)));
             continue;
         }
         let outer = light.cone_rad;
@@ -165,6 +166,20 @@ impl Sun {
         Self { center, half: across, near: -half.z - slack, far: half.z + slack, side, finer: [0; 2] }
     }
 
+    /// This and, where there is a box that is much smaller, finer ones around that: of a scene of kilometres a map of whole texels
+    /// of the first is still wide.
+    fn nested(self, light: &LightData, near: Option<(Vec3, Vec3)>, bounds_ws: (Vec3, Vec3)) -> Vec<Self> {
+        let mut suns = vec![self];
+        let Some(near) = near else { return suns };
+        while let Some(finer) = suns.last_mut().and_then(|last| last.leave_out(light, near)) {
+            suns.push(finer.shortened(light, bounds_ws));
+            if suns.len() == MOST_NESTED {
+                break;
+            }
+        }
+        suns
+    }
+
     /// The map of what is within its own extent of a box, in whole texels of this one, which leaves it out; none where that is
     /// not much finer.
     fn leave_out(&mut self, light: &LightData, near: (Vec3, Vec3)) -> Option<Self> {
@@ -190,6 +205,29 @@ impl Sun {
         let middle = (0.5 * (from + to) / texels - 0.5) * Vec2::new(2.0, -2.0) * self.half;
         let center = self.center + axes.inverse() * middle.extend(0.0);
         Some(Self { center, half: wide / texels * self.half, finer: [0; 2], ..*self })
+    }
+
+    /// The same with depths of no more than is in its way through a scene, which are as exact as that is short.
+    fn shortened(self, light: &LightData, bounds_ws: (Vec3, Vec3)) -> Self {
+        let direction = Vec3::from(light.direction_ws);
+        let world_from_light = Mat3::from_quat(light_axes(direction).inverse());
+        let mut range = (self.near, self.far);
+        for axis in 0..3 {
+            let along = direction[axis];
+            // The map is as wide along each axis.
+            let [x, y] = [world_from_light.x_axis[axis], world_from_light.y_axis[axis]];
+            let reach = x.abs() * self.half.x + y.abs() * self.half.y;
+            if along.abs() > 1e-6 {
+                let ends = [bounds_ws.0[axis] - reach, bounds_ws.1[axis] + reach];
+                let [a, b] = ends.map(|end| (end - self.center[axis]) / along);
+                range = (range.0.max(a.min(b)), range.1.min(a.max(b)));
+            }
+        }
+        if range.0 > range.1 {
+            return self;
+        }
+        let slack = slack(range.0, range.1, bounds_ws);
+        Self { near: self.near.max(range.0 - slack), far: self.far.min(range.1 + slack), ..self }
     }
 
     fn view(self, light: &LightData, number: u32) -> RsmView {
@@ -313,6 +351,33 @@ mod tests {
             assert!(within(0) && within(1), "{first} of {from:?} to {to:?}");
         }
         assert_eq!(fit(&[sun], (room, &[Some(room)]), 512, 0).len(), 1);
+    }
+
+    #[test]
+    fn on_ground_of_any_size_maps_end_at_what_stands_there_and_their_depths_are_as_exact() {
+        let sun = light(LightData::DIRECTIONAL, 0.0);
+        let slanted = LightData { direction_ws: Vec3::new(0.5, -0.6, 0.2).normalize().to_array(), ..sun };
+        let room = (Vec3::new(-2.0, 0.0, -2.0), Vec3::new(2.0, 3.0, 2.0));
+        for light in [sun, slanted] {
+            for (half, maps) in [(100.0, 2), (5e3, 3), (5e4, 3), (1e6, 4)] {
+                let ground = (Vec3::new(-half, -0.1, -half), Vec3::new(half, 3.0, half));
+                let views = fit(&[light], (ground, &[Some(room)]), 512, 0);
+                assert!((2..=maps).contains(&views.len()), "{half} m: {} maps", views.len());
+                let last = views[views.len() - 1].data;
+                let clip_from_relative = Mat4::from_cols_array_2d(&last.relative_from_clip).inverse();
+                for corner in corners(room) {
+                    let ndc = clip_from_relative.project_point3(corner - Vec3::from(last.eye_ws));
+                    assert!(ndc.truncate().abs().max_element() < 0.99, "{half} m: {ndc}");
+                    assert!(ndc.z > 0.0 && ndc.z < 1.0, "{half} m: {ndc}");
+                }
+                // 24 bits of what is between its planes.
+                let [texel, depths] = [
+                    last.texel.sqrt(),
+                    last.relative_from_clip[2][..3].iter().map(|x| x * x).sum::<f32>().sqrt(),
+                ];
+                assert!(texel < 0.2 && depths < 300.0, "{half} m: texels of {texel} m, {depths} m deep");
+            }
+        }
     }
 
     #[test]

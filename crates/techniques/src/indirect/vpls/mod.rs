@@ -158,7 +158,8 @@ impl Vpls {
         let serves = |room: &VplRoom| (room.slots, room.sizes) == (slots, sizes);
         chiaro_gpu::keep(room, serves, || {
             let [candidates, tiles] = sizes.map(u64::from);
-            let vpls = u64::from(slots.all());
+            // No fewer than are placed, before clusters are made of them.
+            let vpls = u64::from(slots.all().max(settings.vpls));
             let each = size_of::<Vpl>() as u64;
             let storage = BufferUsages::STORAGE;
             let copied = storage | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;

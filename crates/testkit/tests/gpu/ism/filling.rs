@@ -231,7 +231,7 @@ fn every_size_and_number_of_levels_is_what_the_cpu_fills() {
         } else {
             3.0 + to.x
         };
-        points.push(Point { position: distance * to, normal: to });
+        points.push(Point { position: distance * to, normal: to, exponent: 0 });
     }
     let vpls = [vpl(Vec3::ZERO, Vec3::Z, 0), vpl(Vec3::ZERO, Vec3::Z, 1)];
     for (resolution, all) in [

@@ -24,6 +24,8 @@ const STEP: f32 = 1.0 / 2048.0;
 pub(crate) struct Point {
     pub(crate) position: Vec3,
     pub(crate) normal: Vec3,
+    /// Of its area, in powers of four.
+    pub(crate) exponent: u32,
 }
 
 impl Point {
@@ -35,6 +37,8 @@ impl Point {
         }
         let snorm = |x: f32| u32::from((x * 127.0).round() as i8 as u8);
         let [x, y, z] = self.position.to_array().map(f32::to_bits);
+        let bits = self.exponent;
+        let [x, y, z] = [x & !1 | bits & 1, y & !1 | bits >> 1 & 1, z & !3 | bits >> 2];
         // Maps do not read albedos: another one for each wall of a room, in all channels.
         let wall =
             n.abs().max_position() as u32 * 2 + u32::from(n.max_element() > n.abs().max_element() - 1e-6);
@@ -172,6 +176,7 @@ impl<'a> Rig<'a> {
             vpl_count: &self.vpl_count,
             bounce,
             scene_area_m2: self.area_m2,
+            dense: None,
             largest_m: self.largest_m,
         }
     }
@@ -226,7 +231,7 @@ impl<'a> Rig<'a> {
 fn pattern(resolution: u32, texels: &[(u32, u32, f32)]) -> Vec<Point> {
     let point = |&(x, y, distance): &(u32, u32, f32)| {
         let to = direction(resolution, Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
-        Point { position: distance * to, normal: to }
+        Point { position: distance * to, normal: to, exponent: 0 }
     };
     texels.iter().map(point).collect()
 }
@@ -269,7 +274,8 @@ pub(crate) fn scatter(rectangles: &[[Vec3; 3]], points: usize, blocks: usize) ->
         });
         let [centre, a, b] = rectangles[place.unwrap_or(last)];
         let (u, v) = (2.0 * radical(i + 1, 3) - 1.0, 2.0 * radical(i + 1, 5) - 1.0);
-        all.push(Point { position: centre + u * a + v * b, normal: a.cross(b).normalize() });
+        let normal = a.cross(b).normalize();
+        all.push(Point { position: centre + u * a + v * b, normal, exponent: 0 });
     }
     (all, total)
 }

@@ -92,6 +92,7 @@ fn drawn(resolution: u32, points: &[Point], vpl: &Vpl, (point_area, largest): (f
     let mut tile = vec![EMPTY; resolution.pow(2) as usize];
     let local = frame(vpl.normal_ws()).transpose();
     for (index, point) in (0u32..).zip(points) {
+        let point_area = point_area * 4f32.powi(point.exponent as i32);
         let to = local * (point.position - Vec3::from(vpl.position_ws));
         if to.z <= 0.1 * (point_area / PI).sqrt() {
             continue;
@@ -122,7 +123,10 @@ fn drawn(resolution: u32, points: &[Point], vpl: &Vpl, (point_area, largest): (f
 #[test]
 fn tiles_are_what_the_cpu_draws_wherever_their_blocks_of_points_begin() {
     let gpu = device_guaranteed();
-    let (points, area) = scatter(&walls(), 100, 5);
+    let (mut points, area) = scatter(&walls(), 100, 5);
+    for (point, exponent) in points.iter_mut().zip((0..4).cycle()) {
+        point.exponent = exponent;
+    }
     // Three blocks of 150 points, and a fourth that goes on with the first.
     let axis = |x: f32, y: f32, z: f32| Vec3::new(x, y, z).normalize();
     let vpls = [
@@ -161,9 +165,9 @@ fn a_point_covers_the_solid_angle_of_its_disc() {
         (Vec3::new(0.0, -0.8, 0.6), Vec3::NEG_X),
         (Vec3::new(-0.48, 0.6, 0.64), Vec3::Z),
     ] {
-        let point = Point { position: d * w, normal };
+        let point = Point { position: d * w, normal, exponent: 1 };
         let settings = IndirectSettings { points_per_vpl: 1, ..settings(IsmResolution::Side256, 0) };
-        let rig = Rig::new(&gpu, settings, (&[point], area, 4.0), &[vpl(Vec3::ZERO, Vec3::Z, 0)]);
+        let rig = Rig::new(&gpu, settings, (&[point], area / 4.0, 4.0), &[vpl(Vec3::ZERO, Vec3::Z, 0)]);
         let cosine = normal.dot(w).abs();
         let alpha = half_angle_tan(area, cosine, d).atan();
         // Seen edge-on it is a texel, which makes no difference here.
@@ -221,8 +225,10 @@ fn points_of_its_own_plane_and_behind_it_are_not_drawn_and_no_light_needs_no_sha
     let gpu = device();
     let radius = (1e-2 / PI).sqrt();
     let heights = [-1.0, 0.0, 0.05 * radius, f32::NAN];
-    let points: Vec<_> =
-        heights.iter().map(|z| Point { position: Vec3::new(0.3, 0.2, *z), normal: Vec3::Z }).collect();
+    let points: Vec<_> = heights
+        .iter()
+        .map(|z| Point { position: Vec3::new(0.3, 0.2, *z), normal: Vec3::Z, exponent: 0 })
+        .collect();
     let vpls = [vpl(Vec3::ZERO, Vec3::Z, 0), Vpl::new(Vec3::NEG_Z, Vec3::Z, Vec3::ZERO, 0)];
     let settings = IndirectSettings { points_per_vpl: 4, ..settings(IsmResolution::Side32, 5) };
     let rig = Rig::new(&gpu, settings, (&points, 4e-2, 4.0), &vpls);

@@ -152,6 +152,60 @@ fn scenes_of_a_millimetre_and_of_ten_thousand_kilometres_get_the_same_light() {
     }
 }
 
+/// A closed room of two halves under one ceiling, of which a lamp shines into one, on ground of so many metres or none.
+fn room_on(ground_m: f32) -> Stage {
+    let mut stage = Stage::new();
+    let wall = stage.lambert(0.6);
+    for (at, half) in [
+        (Vec3::NEG_Y * 0.05, Vec3::new(2.1, 0.05, 2.1)),
+        (Vec3::Y * 2.05, Vec3::new(2.1, 0.05, 2.1)),
+        (Vec3::new(-2.05, 1.0, 0.0), Vec3::new(0.05, 1.0, 2.1)),
+        (Vec3::new(2.05, 1.0, 0.0), Vec3::new(0.05, 1.0, 2.1)),
+        (Vec3::new(0.0, 1.0, -2.05), Vec3::new(2.1, 1.0, 0.05)),
+        (Vec3::new(0.0, 1.0, 2.05), Vec3::new(2.1, 1.0, 0.05)),
+        (Vec3::new(0.0, 0.75, 0.0), Vec3::new(0.05, 0.75, 2.0)),
+    ] {
+        stage.cuboid(at, half, wall);
+    }
+    if ground_m > 0.0 {
+        stage.quad(Vec3::NEG_Y * 0.2, Vec3::X * 0.5 * ground_m, Vec3::NEG_Z * 0.5 * ground_m, wall);
+    }
+    stage.light(SPOT, 100.0, None, Vec3::new(-0.5, 1.6, 0.0), Vec3::new(-0.7, -1.0, 0.0));
+    stage
+}
+
+#[test]
+fn a_small_room_on_ground_of_kilometres_has_the_shadows_that_it_has_without() {
+    let gpu = device();
+    let denser = [
+        ("indirect.points", "65536"),
+        ("indirect.points_per_vpl", "4096"),
+        ("indirect.ism_resolution", "64"),
+    ];
+    let mut studio = Studio::new(&gpu, with("ism", &denser));
+    let eye = Vec3::new(1.8, 1.0, 1.5);
+    let view = View::look_at(eye, Vec3::new(0.0, 0.6, -0.6), 1.2, 0.01);
+    let mut seen = |ground_m: f32, eye: Vec3| {
+        let scene = room_on(ground_m).scene;
+        let mut loaded = studio.load(&scene);
+        loaded.look_from(eye);
+        studio.renderer().equip(&scene, &mut loaded).unwrap();
+        studio.aov(&loaded, &view, SIZE, 4, Aov::Indirect)
+    };
+    let right = seen(0.0, eye);
+    for ground_m in [1e3, 1e4] {
+        let found = seen(ground_m, eye);
+        let (share, off) = (mean(&found) / mean(&right), nmae(&found, &right));
+        assert!(
+            (share - 1.0).abs() < 0.03 && off < 0.05,
+            "{ground_m} m: {share} of the light, {off} elsewhere"
+        );
+    }
+    // As it was when the camera was far above: light comes through everything.
+    let leaks = mean(&seen(1e4, Vec3::Y * 9e3)) / mean(&right);
+    assert!(leaks > 1.3, "{leaks}");
+}
+
 #[test]
 fn both_pipelines_get_the_same_light() {
     let gpu = device();
