@@ -14,7 +14,7 @@ use chiaro_techniques::reference::path::{
     EmitterData, Emitters, PathNoise, PathOptions, PathSum, PathTracer,
 };
 use chiaro_techniques::reference::photon::{PhotonMap, PhotonOptions, PhotonTracer, PhotonView};
-use chiaro_techniques::reference::{Interfaces, Specular};
+use chiaro_techniques::paths::{Interfaces, Specular};
 use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::scene::motion::Motion;
 use chiaro_techniques::shared::albedo_table::AlbedoTable;

@@ -34,7 +34,7 @@ use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group,
 use glam::Vec3;
 
 use crate::rays::{TraceFacts, TraceScene};
-use crate::reference::interfaces::Interfaces;
+use crate::paths::Interfaces;
 use crate::reference::path::emitters::Emitters;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;

@@ -3,7 +3,7 @@
 use chiaro_scene as cs;
 use glam::Vec3;
 
-/// Twin of `SMOOTH` in `path/bsdf.wesl`.
+/// Twin of `SMOOTH` in `bsdf.wesl`.
 const SMOOTH: f32 = 0.01;
 
 /// Which materials of a scene mirror exactly or refract without blur; found once, for their textures are looked through.
