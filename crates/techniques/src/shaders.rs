@@ -34,6 +34,14 @@ impl ShadowSource {
 
 /// All WESL modules by path.
 pub const MODULES: &[(&str, &str)] = &[
+    shader!("caustics/lookup.wesl"),
+    shader!("caustics/photon_trace/gather.cs.wesl"),
+    shader!("caustics/photon_trace/photons.wesl"),
+    shader!("caustics/photon_trace/place.wesl"),
+    shader!("caustics/photon_trace/places.cs.wesl"),
+    shader!("caustics/photon_trace/spread.cs.wesl"),
+    shader!("caustics/photon_trace/sums.wesl"),
+    shader!("caustics/photon_trace/trace.cs.wesl"),
     shader!("direct/forward.vs.wesl"),
     shader!("direct/lighting.wesl"),
     shader!("direct/shade.cs.wesl"),
@@ -190,6 +198,10 @@ pub fn library() -> Library {
 /// every entry file stands here.
 pub fn permutations() -> Vec<Permutation> {
     let plain_entries = [
+        "caustics/photon_trace/gather.cs.wesl",
+        "caustics/photon_trace/places.cs.wesl",
+        "caustics/photon_trace/spread.cs.wesl",
+        "caustics/photon_trace/trace.cs.wesl",
         "indirect/bounces/place.cs.wesl",
         "indirect/bounces/spread.cs.wesl",
         "indirect/foreign/radiance.cs.wesl",

@@ -16,6 +16,11 @@ impl Specular {
         Self(scene.materials.iter().map(|material| is_specular(scene, material)).collect())
     }
 
+    /// Whether a material, told by its index, does.
+    pub fn is(&self, material: usize) -> bool {
+        self.0[material]
+    }
+
     /// Whether any does.
     pub fn any(&self) -> bool {
         self.0.contains(&true)
