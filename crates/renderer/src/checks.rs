@@ -1,7 +1,6 @@
 //! What is refused before anything is made or recorded: settings, sizes and views.
 
 use chiaro_gpu::Gpu;
-use chiaro_techniques::caustics;
 use chiaro_techniques::view::raster::ComputeRaster;
 use glam::{Mat4, Vec2};
 
@@ -42,7 +41,7 @@ pub(crate) fn check_settings(gpu: &Gpu, settings: &Settings) -> Result<(), Error
     if let Some(reason) = settings.shadow.refused() {
         return Err(Error::Combination(reason));
     }
-    if settings.shadow.transmission_tint && settings.caustics.technique != caustics::Technique::None {
+    if settings.shadow.transmission_tint && settings.caustics.technique.makes_any() {
         return Err(Error::Combination(
             "shadow.transmission_tint does not go with caustics: both would bring the light that glass lets through; \
              take shadow.transmission_tint = false or caustics.technique = none"

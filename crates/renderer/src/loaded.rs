@@ -1,6 +1,7 @@
 //! A scene ready to be rendered.
 
 use chiaro_scene::{Id, Pose, Scene};
+use chiaro_techniques::caustics;
 use chiaro_techniques::environment::EnvironmentMap;
 use chiaro_techniques::frame::LightData;
 use chiaro_techniques::indirect::Openness;
@@ -36,6 +37,8 @@ pub struct LoadedScene {
     pub openness: Openness,
     /// What of it casts shadows.
     pub casters: Casters,
+    /// What of it causes caustics.
+    pub specular: caustics::Casters,
     /// What surrounds the scene.
     pub environment: Option<EnvironmentMap>,
     /// How everything stands.
@@ -55,6 +58,8 @@ pub struct LoadedScene {
 pub(crate) const WHITE_STORED: f32 = 256.0;
 /// The same where an environment has a sun that would not fit otherwise.
 const LEAST_WHITE_STORED: f32 = 1.0;
+/// Where mirrors or glass may bundle light, white is stored as so much of it: there is room for foci 4,000 times as bright.
+const BESIDE_CASTERS: f32 = 1.0 / 16.0;
 /// What the environment's brightest texel may be stored as.
 const PEAK_STORED: f32 = 32_768.0;
 /// The brightest places that lamps shine at make everything at most this much darker: a lamp may lie in a ceiling.
@@ -70,7 +75,9 @@ impl LoadedScene {
         let pose = scene.pose(0.0);
         let (lights, directional) = light_data(scene, &pose);
         let casters = Casters::new(scene, &pose, &[]);
-        let radiance_scale = radiance_scale((&gpu, &casters), scene, &lights, environment.as_ref());
+        let specular = caustics::Casters::new(scene, &pose);
+        let of = (&gpu, &casters, &specular);
+        let radiance_scale = radiance_scale(of, scene, &lights, environment.as_ref());
         Self {
             gpu,
             lights,
@@ -78,6 +85,7 @@ impl LoadedScene {
             radiance_scale,
             openness,
             casters,
+            specular,
             environment,
             pose,
             trees: None,
@@ -115,7 +123,8 @@ impl LoadedScene {
     /// Whether settings shoot rays at the scene, and it has no trees for them: [`Trees::build`] makes some, and
     /// [`LoadedScene::give_trees`] takes them. [`crate::Renderer::load`] and [`crate::Renderer::equip`] do both.
     pub fn lacks_trees(&self, settings: &Settings) -> bool {
-        settings.shoots_rays() && self.trees.is_none()
+        let for_caustics = settings.caustics.technique.makes_any() && self.specular.bounds_ws().is_some();
+        (settings.shoots_rays_at_all() || for_caustics) && self.trees.is_none()
     }
 
     /// Whether settings draw imperfect shadow maps, and the scene has no points for them, or others: [`LoadedScene::choose_points`]
@@ -206,6 +215,7 @@ impl LoadedScene {
         if origin != scene.origin || strayed != motion.strayed().len() {
             self.casters = Casters::new(scene, &scene.pose(0.0), &motion.strayed());
         }
+        self.specular.follow(scene, pose);
         self.casters.hold(motion.present_bounds_ws());
         (self.lights, self.directional) = light_data(scene, pose);
         self.pose.clone_from(pose);
@@ -228,14 +238,14 @@ impl LoadedScene {
     /// this was loaded from, with other [`Scene::lights`]. The next frame shows it.
     pub fn set_lights(&mut self, scene: &Scene) {
         (self.lights, self.directional) = light_data(scene, &self.pose);
-        let (gpu, casters) = (&self.gpu, &self.casters);
-        self.radiance_scale = radiance_scale((gpu, casters), scene, &self.lights, self.environment.as_ref());
+        let of = (&self.gpu, &self.casters, &self.specular);
+        self.radiance_scale = radiance_scale(of, scene, &self.lights, self.environment.as_ref());
     }
 }
 
 /// Stored radiance per nit.
 fn radiance_scale(
-    (gpu, casters): (&SceneGpu, &Casters),
+    (gpu, casters, specular): (&SceneGpu, &Casters, &caustics::Casters),
     scene: &Scene,
     lights: &[LightData],
     environment: Option<&EnvironmentMap>,
@@ -243,7 +253,8 @@ fn radiance_scale(
     let glow = scene.materials.iter().map(|m| m.emissive.max_element()).fold(0.0, f32::max);
     let around = environment.map_or(0.0, |map| map.harmonics.mean.max_element());
     let peak = environment.map_or(0.0, |map| map.peak);
-    stored_per_nit((gpu.bounds_ws, casters), lights, (glow.max(around), peak))
+    let scale = stored_per_nit((gpu.bounds_ws, casters), lights, (glow.max(around), peak));
+    if specular.bounds_ws().is_some() { scale * BESIDE_CASTERS } else { scale }
 }
 
 /// The same of lamps, and of whatever else has as many nits as `others`, and an environment at most `peak`.

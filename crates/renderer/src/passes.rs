@@ -1,6 +1,7 @@
 //! The list of all passes: what is compiled for which settings, and what is missing.
 
 use chiaro_gpu::{GpuError, parallel};
+use chiaro_techniques::caustics::photon_trace::PhotonTrace;
 use chiaro_techniques::direct::{DirectLight, Permutations};
 use chiaro_techniques::indirect::bounces::Bounces;
 use chiaro_techniques::indirect::clusters::Clusters;
@@ -123,6 +124,9 @@ passes! {
     };
     pictures: Option<Pictures> = |settings: &Settings, _| {
         settings.indirect.technique.makes_vpls().then_some(())
+    };
+    photons: Option<PhotonTrace> = |settings: &Settings, facts| {
+        settings.caustics.technique.makes_any().then_some(facts)
     };
     refit: Option<Refit> = |settings: &Settings, _| settings.shoots_rays().then_some(());
 }

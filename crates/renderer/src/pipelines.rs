@@ -1,6 +1,8 @@
 //! The frame functions: one straight line each.
 
 use chiaro_gpu::{Buffer, Frame, Texture, wgpu};
+use chiaro_techniques::caustics::CausticLight;
+use chiaro_techniques::caustics::photon_trace::{PhotonInputs, PhotonPlan, PhotonRoom};
 use chiaro_techniques::direct::{LightInputs, LightRoom};
 use chiaro_techniques::frame::{FrameData, FrameGroup};
 use chiaro_techniques::indirect::gather::Gathered;
@@ -46,6 +48,7 @@ pub(crate) struct FrameInputs<'a> {
     pub shadow_views: &'a ShadowViews,
     pub shadow_plan: &'a ShadowPlan,
     pub indirect: Option<&'a IndirectPlan>,
+    pub photons: Option<&'a PhotonPlan>,
     pub wants_surface: bool,
     pub moves: Option<&'a Moves>,
     pub data: FrameData,
@@ -64,8 +67,7 @@ struct Shaded {
 /// Records what `shade` does to one target under the frame's light, to another for the colour of unlit materials, and to one
 /// for each part of the light that the frame is asked for: the same surfaces with other weights.
 ///
-/// This is the one place where the parts are told from each other. There are no caustics so far; a technique that adds some
-/// to `Lit` in `direct/lighting.wesl` has a target of its own here, under their weight alone.
+/// This is the one place where the parts are told from each other.
 fn shade_all(
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
@@ -76,7 +78,8 @@ fn shade_all(
     let unlit = room.unlit.as_ref().map(|target| (target, light.without_light(light.show_direct)));
     let direct = room.direct.as_ref().map(|target| (target, light.direct_only()));
     shade(frame, &room.radiance, sky(&light));
-    for (target, data) in [unlit, direct].into_iter().flatten() {
+    let caustics = room.caustics.as_ref().map(|target| (target, light.caustics_only()));
+    for (target, data) in [unlit, direct, caustics].into_iter().flatten() {
         frame.upload(&inputs.group.frame, &[data]);
         shade(frame, target, sky(&data));
         frame.upload(&inputs.group.frame, &[light]);
@@ -84,7 +87,7 @@ fn shade_all(
     let (radiance, unlit) = (room.radiance.clone(), room.unlit.clone());
     let parts = room.direct.clone().map(|direct| {
         let (picture, unlit) = (radiance.clone(), unlit.clone());
-        Parts { picture, direct, caustics: None, unlit }
+        Parts { picture, direct, caustics: room.caustics.clone(), unlit }
     });
     Shaded { radiance, unlit, parts }
 }
@@ -104,11 +107,12 @@ pub(crate) fn record(
     inputs: &FrameInputs<'_>,
     rooms: &mut Rooms,
 ) -> FrameOutputs {
-    let Rooms { views, lists, surface, shadow, light, layers, motion, antialias, indirect } = rooms;
+    let Rooms { views, lists, surface, shadow, light, layers, motion, antialias, indirect, photons } = rooms;
     let (Some(lists), Some(surface), Some(shadow), Some(light)) = (lists, surface, shadow, light) else {
         unreachable!("what is prepared has room")
     };
-    let rooms = FrameRooms { views, lists, surface, light, layers: layers.as_ref() };
+    let (layers, photons) = (layers.as_ref(), photons.as_ref());
+    let rooms = FrameRooms { views, lists, surface, light, layers, photons };
     let (lists, outputs) = match settings.pipeline {
         Pipeline::Deferred => deferred(settings, passes, frame, inputs, (&rooms, shadow, indirect)),
         Pipeline::Forward => forward(settings, passes, frame, inputs, (&rooms, shadow, indirect)),
@@ -152,6 +156,7 @@ struct FrameRooms<'a> {
     surface: &'a SurfaceRoom,
     light: &'a LightRoom,
     layers: Option<&'a LayerRoom>,
+    photons: Option<&'a PhotonRoom>,
 }
 
 fn deferred(
@@ -180,12 +185,15 @@ fn deferred(
     });
     let gather_layer = indirect.layer_gatherer(gather_at);
     let gather_layer = gather_layer.as_ref().map(|gather| gather as GatherLayer<'_>);
+    let caustics = caustics(passes, frame, inputs, rooms, &surface);
+    let caustics = caustics.as_ref().unwrap_or(&rooms.light.no_caustics);
     let (bounced, sourced) = gathered.as_ref().map(Gathered::parts).unwrap_or_default();
     let light = LightInputs {
         shadows: &shadows,
         light_grid: &light_grid,
         irradiance: bounced.unwrap_or(&rooms.light.no_irradiance),
         source_irradiance: sourced.unwrap_or(&rooms.light.no_irradiance),
+        caustics,
     };
     let Shaded { radiance, unlit, parts } = shade_all(frame, inputs, rooms.light, |frame, radiance, _| {
         passes.direct.record_deferred(frame, (group, scene), &surface, light, radiance);
@@ -211,7 +219,7 @@ fn forward(
     follow(passes, frame, inputs.scene);
     let lists = cull(passes, frame, inputs, rooms);
     let camera = (rooms.views, &lists, CAMERA);
-    let wants_surface = inputs.wants_surface || inputs.indirect.is_some();
+    let wants_surface = inputs.wants_surface || inputs.indirect.is_some() || inputs.photons.is_some();
     let needs_depth = wants_surface
         || inputs.moves.is_some_and(|moves| moves.antialias.is_some())
         || rooms.layers.is_some()
@@ -232,12 +240,15 @@ fn forward(
     });
     let gather_layer = indirect.layer_gatherer(gather_at);
     let gather_layer = gather_layer.as_ref().map(|gather| gather as GatherLayer<'_>);
+    let caustics = surface.as_ref().and_then(|surface| caustics(passes, frame, inputs, rooms, surface));
+    let caustics = caustics.as_ref().unwrap_or(&rooms.light.no_caustics);
     let (bounced, sourced) = gathered.as_ref().map(Gathered::parts).unwrap_or_default();
     let light = LightInputs {
         shadows: &shadows,
         light_grid: &light_grid,
         irradiance: bounced.unwrap_or(&rooms.light.no_irradiance),
         source_irradiance: sourced.unwrap_or(&rooms.light.no_irradiance),
+        caustics,
     };
     let Shaded { radiance, unlit, parts } = shade_all(frame, inputs, rooms.light, |frame, radiance, sky| {
         let lists = (&lists, rooms.light);
@@ -256,6 +267,26 @@ fn gathers_at<'a>(passes: &'a Passes, inputs: &FrameInputs<'a>) -> Option<Gather
     let (group, scene) = (inputs.group.group(), inputs.scene.lit());
     let (plan, passes) = inputs.indirect.zip(passes.indirect())?;
     Some(GatherAt { group, passes, scene, plan })
+}
+
+/// Finds what comes through mirrors and glass, if anything does.
+fn caustics(
+    passes: &Passes,
+    frame: &mut Frame<'_>,
+    inputs: &FrameInputs<'_>,
+    rooms: &FrameRooms<'_>,
+    surface: &SurfaceBuffer,
+) -> Option<CausticLight> {
+    let (plan, trees) = inputs.photons.zip(inputs.scene.trees.as_ref())?;
+    let (pass, room) = passes.photons.as_ref().zip(rooms.photons)?;
+    let inputs = PhotonInputs {
+        group: inputs.group.group(),
+        scene: &inputs.scene.gpu,
+        tracer: &trees.traced.words,
+        depth: &surface.depth,
+        surface: &surface.surface,
+    };
+    Some(pass.record(frame, plan, &inputs, room))
 }
 
 /// Lets geometry, and the trees over it, follow the scene's pose.

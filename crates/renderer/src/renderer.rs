@@ -5,6 +5,7 @@ use std::iter;
 use chiaro_gpu::shader::Library;
 use chiaro_gpu::{Frame, Gpu, GroupLayout, TexturePool};
 use chiaro_scene::Scene;
+use chiaro_techniques::caustics::photon_trace::{PhotonPlan, PhotonsWanted};
 use chiaro_techniques::direct::Permutations;
 use chiaro_techniques::environment::{arriving, sky, sky_light};
 use chiaro_techniques::frame::{FrameData, LightData};
@@ -62,6 +63,8 @@ pub struct Prepared<'a> {
     shadow_plan: ShadowPlan,
     // Where virtual lights are made.
     indirect: Option<IndirectPlan>,
+    // Where light goes through mirrors and glass.
+    photons: Option<PhotonPlan>,
     lights: Vec<LightData>,
     // Of a moving picture.
     moves: Option<Moves>,
@@ -295,6 +298,19 @@ impl Renderer {
             settings.indirect.shines() && (scene.sources.glows() || around.nits != Vec3::ZERO);
         let shows_sources = lit_by_sources && show_direct > 0.0;
         let gathers = settings.indirect.technique.makes_vpls() && (show_indirect > 0.0 || shows_sources);
+        let of_frames = if moves.is_some() { 1.0 } else { footprint_scale };
+        let traces = settings.caustics.technique.makes_any() && show_caustics > 0.0;
+        let wanted = PhotonsWanted {
+            lights: &lights,
+            casters_ws: scene.specular.bounds_ws(),
+            bounds_ws: bounds,
+            pixel_m2: view.pixel_m2(size_px),
+            seed: settings.seed,
+            round,
+            share: of_frames,
+        };
+        let photons = traces.then(|| PhotonPlan::new(&settings.caustics, &wanted)).flatten();
+        let holds = |held: bool, bit: u32| if held { bit } else { 0 };
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
             relative_from_clip: view.relative_from_clip(size_px, jitter_px).to_cols_array_2d(),
@@ -320,8 +336,9 @@ impl Renderer {
             environment_nits: map.map_or(0.0, |map| map.nits * factor),
             environment_share: share,
             environment_turn: [turn.cos(), turn.sin()],
-            gathers: u32::from(gathers) * FrameData::BOUNCED
-                | u32::from(gathers && lit_by_sources) * FrameData::SOURCED,
+            gathers: holds(gathers, FrameData::BOUNCED)
+                | holds(gathers && lit_by_sources, FrameData::SOURCED)
+                | holds(photons.is_some(), FrameData::CAUSTICS),
             mirrors_sources: f32::from(u8::from(around.nits == Vec3::ZERO)),
             show_direct,
             show_indirect,
@@ -348,7 +365,7 @@ impl Renderer {
             lights: &lights,
             near: &near,
             round,
-            share: if moves.is_some() { 1.0 } else { footprint_scale },
+            share: of_frames,
             size_px,
             pictures: state.wants_pictures,
             layers: scene.gpu.see_through(),
@@ -371,7 +388,14 @@ impl Renderer {
         let serves = |room: &ListRoom| room.serves(&scene.gpu, together);
         chiaro_gpu::keep(&mut rooms.lists, serves, || ListRoom::new(gpu, &scene.gpu, together));
         passes.surfaces.room(gpu, &self.pool, size_px, &mut rooms.surface);
-        let targets = (scene.gpu.unlit, state.wants_parts);
+        match photons.as_ref() {
+            Some(_) => {
+                let pass = passes.photons.as_ref().ok_or(Error::NoPasses)?;
+                pass.room(gpu, &self.pool, size_px, &mut rooms.photons)?;
+            }
+            None => rooms.photons = None,
+        }
+        let targets = (scene.gpu.unlit, state.wants_parts, photons.is_some());
         passes.direct.room(gpu, &self.pool, (size_px, grid), targets, &mut rooms.light);
         match passes.transparency.as_ref().filter(|_| scene.gpu.see_through()) {
             Some(transparency) => {
@@ -393,6 +417,7 @@ impl Renderer {
             shadow_views,
             shadow_plan,
             indirect,
+            photons,
             lights,
             moves,
         })
@@ -402,7 +427,18 @@ impl Renderer {
 impl Prepared<'_> {
     /// Records the frame. `wants_surface`: make the surface buffer even where the pipeline does without.
     pub fn record(self, frame: &mut Frame<'_>, wants_surface: bool) -> FrameOutputs {
-        let Self { renderer, state, scene, data, shadow_views, shadow_plan, indirect, lights, moves } = self;
+        let Self {
+            renderer,
+            state,
+            scene,
+            data,
+            shadow_views,
+            shadow_plan,
+            indirect,
+            photons,
+            lights,
+            moves,
+        } = self;
         let views: Vec<_> = shadow_views.views.iter().map(|view| view.data).collect();
         state.frame_group.upload(frame, &data, &lights, &views);
         state.rooms.views.upload(frame);
@@ -412,6 +448,7 @@ impl Prepared<'_> {
             shadow_views: &shadow_views,
             shadow_plan: &shadow_plan,
             indirect: indirect.as_ref(),
+            photons: photons.as_ref(),
             wants_surface,
             moves: moves.as_ref(),
             data,

@@ -250,6 +250,11 @@ impl Settings {
 
     /// Whether any technique shoots rays through the scene's trees.
     pub fn shoots_rays(&self) -> bool {
+        self.shoots_rays_at_all() || self.caustics.technique.makes_any()
+    }
+
+    /// Whether any does whatever a scene holds: caustics have none where nothing mirrors or refracts.
+    pub(crate) fn shoots_rays_at_all(&self) -> bool {
         self.shadow.layout == Layout::Traced || self.indirect.technique == Technique::Traced
     }
 

@@ -1,6 +1,7 @@
 //! What one view of a scene keeps from frame to frame.
 
 use chiaro_gpu::{Buffer, Gpu, Group, GroupLayout, History, Texture};
+use chiaro_techniques::caustics::photon_trace::PhotonRoom;
 use chiaro_techniques::direct::LightRoom;
 use chiaro_techniques::frame::FrameGroup;
 use chiaro_techniques::indirect::SkyView;
@@ -38,6 +39,7 @@ pub(crate) struct Rooms {
     pub motion: Option<MotionRoom>,
     pub antialias: Option<AntialiasRoom>,
     pub indirect: IndirectRooms,
+    pub photons: Option<PhotonRoom>,
 }
 
 /// What frames leave for the next.
@@ -63,6 +65,7 @@ impl ViewState {
                 motion: None,
                 antialias: None,
                 indirect: IndirectRooms::default(),
+                photons: None,
             },
             history: Histories::default(),
             notes: Vec::new(),

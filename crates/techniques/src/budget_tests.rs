@@ -14,6 +14,8 @@ const SPARE: usize = 2;
 
 /// Entry files, or flags of any, that may leave less, and why.
 const EXCEPTIONS: &[(&str, &str)] = &[
+    ("caustics/photon_trace/trace.cs.wesl", "the scene, its trees, lamps, and what photons leave"),
+    ("direct/forward.vs.wesl", "all light with its shadows, caustics, and textures of materials"),
     ("traced", "shading with lights by froxel, the scene and its trees"),
     ("reference/path/trace.cs.wesl", "the scene, the tree and the photon map"),
     ("reference/photon/trace.cs.wesl", "as the path tracer, and lights to start from"),

@@ -5,6 +5,7 @@ use std::mem::offset_of;
 
 use chiaro_gpu::shader::{Linked, check_layout};
 
+use crate::caustics::photon_trace::CausticPass;
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::indirect::Vpl;
@@ -50,6 +51,28 @@ fn linked(entry: &'static str) -> Linked {
 
 #[test]
 fn rust_structs_equal_their_wesl_twins() {
+    let photons = &linked("caustics/photon_trace/trace.cs.wesl");
+    same!(
+        photons,
+        CausticPass,
+        "CausticPass",
+        target_lo,
+        diagonal,
+        target_hi,
+        pixel_m2,
+        photons,
+        lanes,
+        first,
+        seed,
+        interfaces,
+        disperses,
+        lamps,
+        step,
+        enough,
+        widest,
+        reserved0,
+        reserved1,
+    );
     let shade = &linked("direct/shade.cs.wesl");
     same!(
         shade,

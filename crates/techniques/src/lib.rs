@@ -15,6 +15,7 @@ pub mod frame;
 pub mod indirect;
 mod kit;
 pub mod light;
+pub mod paths;
 pub mod post;
 pub mod rays;
 pub mod reference;

@@ -11,10 +11,11 @@ use std::str::FromStr as _;
 use proc_macro2::{Delimiter, Ident, TokenStream, TokenTree};
 
 /// Rooms of techniques by floor: see `docs/architecture.md`.
-const FLOORS: [&[&str]; 6] = [
+const FLOORS: [&[&str]; 7] = [
     &["frame"],
     &["shared", "scene"],
     &["view", "light", "rays"],
+    &["paths"],
     &["environment", "shadow", "indirect", "caustics"],
     &["direct", "transparency", "reference"],
     &["post"],

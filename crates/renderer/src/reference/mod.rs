@@ -8,13 +8,13 @@ use chiaro_gpu::{Buffer, Frame, Gpu, Recorder, Texture, parallel};
 use chiaro_scene::{Pose, Scene};
 use chiaro_techniques::Pass;
 use chiaro_techniques::frame::FrameGroup;
+use chiaro_techniques::paths::{Interfaces, Specular};
 use chiaro_techniques::rays::{Refit, TraceData, TraceScene, WORN};
 use chiaro_techniques::reference::first_hit::{FirstHitSum, FirstHitTracer};
 use chiaro_techniques::reference::path::{
     EmitterData, Emitters, PathNoise, PathOptions, PathSum, PathTracer,
 };
 use chiaro_techniques::reference::photon::{PhotonMap, PhotonOptions, PhotonTracer, PhotonView};
-use chiaro_techniques::reference::{Interfaces, Specular};
 use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::scene::motion::Motion;
 use chiaro_techniques::shared::albedo_table::AlbedoTable;

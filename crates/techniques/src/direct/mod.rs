@@ -18,6 +18,7 @@ use chiaro_gpu::{
     TexturePool, ViewHint, parallel,
 };
 
+use crate::caustics::CausticLight;
 use crate::scene::OPAQUE;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shadow::{Lookup, ShadowOutputs, ShadowSettings};
@@ -28,6 +29,7 @@ use crate::{Kit, Pass, shaders};
 const RADIANCE: ViewHint =
     ViewHint::scaled("The frame before averaging and tone mapping", Mapping::Exposed, Scale::Nits);
 const UNLIT: ViewHint = ViewHint::new("What unlit materials add: white is the display's", Mapping::Color);
+const CAUSTICS: ViewHint = ViewHint::scaled("The frame's caustics alone", Mapping::Exposed, Scale::Nits);
 const DIRECT: ViewHint = ViewHint::scaled("The frame's direct light alone", Mapping::Exposed, Scale::Nits);
 
 /// What shaders are compiled for.
@@ -79,6 +81,10 @@ pub struct LightRoom {
     pub unlit: Option<Texture>,
     /// Rgba16Float, direct light alone, where parts of light are asked for.
     pub direct: Option<Texture>,
+    /// Rgba16Float, caustics alone, where parts of light are asked for and there are any.
+    pub caustics: Option<Texture>,
+    /// For frames that have no caustics.
+    pub no_caustics: CausticLight,
     /// Black, for frames that gather no indirect light.
     pub no_irradiance: Texture,
     light_grid: Buffer,
@@ -153,13 +159,13 @@ impl Pass for DirectLight {
 
 impl DirectLight {
     /// Room for a picture size and a light grid; where materials are `unlit` for their colour, and where `parts` of the light
-    /// are asked for, for those. What is there if it serves. Not inside a frame.
+    /// are asked for, for those, and for `caustics` where there may be any. What is there if it serves. Not inside a frame.
     pub fn room<'r>(
         &self,
         gpu: &Gpu,
         pool: &TexturePool,
         (size, grid): ([u32; 2], [u32; 4]),
-        (unlit, parts): (bool, bool),
+        (unlit, parts, caustics): (bool, bool, bool),
         room: &'r mut Option<LightRoom>,
     ) -> &'r LightRoom {
         let words = grid.iter().map(|&n| u64::from(n)).product();
@@ -170,6 +176,7 @@ impl DirectLight {
             [has.width, has.height] == size
                 && room.unlit.is_some() == unlit
                 && room.direct.is_some() == parts
+                && room.caustics.is_some() == (parts && caustics)
                 && room.words >= words
                 && has_samples == samples
         };
@@ -186,6 +193,10 @@ impl DirectLight {
                 unlit: unlit.then(|| lend("unlit", TextureFormat::Rgba16Float, usage, 1).described(UNLIT)),
                 direct: parts
                     .then(|| lend("direct_light", TextureFormat::Rgba16Float, usage, 1).described(DIRECT)),
+                caustics: (parts && caustics).then(|| {
+                    lend("caustics_alone", TextureFormat::Rgba16Float, usage, 1).described(CAUSTICS)
+                }),
+                no_caustics: CausticLight::none(gpu),
                 no_irradiance: Texture::new(
                     gpu,
                     "no_irradiance",
@@ -295,6 +306,8 @@ pub struct LightInputs<'a> {
     pub irradiance: &'a Texture,
     /// The same straight from what glows and surrounds the scene.
     pub source_irradiance: &'a Texture,
+    /// Caustics at each pixel: see [`crate::caustics`].
+    pub caustics: &'a CausticLight,
 }
 
 impl<'a> LightInputs<'a> {
@@ -303,6 +316,7 @@ impl<'a> LightInputs<'a> {
         let mut binds = lighting_binds(self.shadows, self.light_grid);
         binds.push(("irradiance", self.irradiance.into()));
         binds.push(("source_irradiance", self.source_irradiance.into()));
+        binds.push(self.caustics.bind());
         binds
     }
 }

@@ -69,11 +69,24 @@ impl FrameData {
     pub const BOUNCED: u32 = 1;
     /// Of `gathers`: `source_irradiance` holds light of what glows and surrounds the scene.
     pub const SOURCED: u32 = 2;
+    /// Of `gathers`: `caustics` holds light through mirrors and glass.
+    pub const CAUSTICS: u32 = 4;
 
     /// The same view of direct light alone, as far as it is shown.
     #[must_use]
     pub fn direct_only(&self) -> Self {
         Self { gathers: self.gathers & Self::SOURCED, show_indirect: 0.0, show_caustics: 0.0, ..*self }
+    }
+
+    /// The same view of caustics alone, as far as they are shown.
+    #[must_use]
+    pub fn caustics_only(&self) -> Self {
+        Self {
+            radiance_scale: self.radiance_scale,
+            gathers: self.gathers & Self::CAUSTICS,
+            show_caustics: self.show_caustics,
+            ..self.without_light(0.0)
+        }
     }
 
     /// Radiance behind everything in stored units; `None` where that is an environment map.

@@ -91,7 +91,7 @@ impl Aov {
             }
             Self::Direct => "camera.show=both|direct",
             Self::Indirect => "camera.show=both|indirect and indirect.technique!=none",
-            Self::Caustics => "camera.show=both and caustics.technique!=none",
+            Self::Caustics => "camera.show=both|caustics and caustics.technique=photon_trace",
             _ => return None,
         }))
     }

@@ -24,6 +24,8 @@ choice! {
         Direct = "direct",
         /// What was scattered before, and what stands in for it.
         Indirect = "indirect",
+        /// What came through mirrors and smooth glass alone, then is scattered by one surface.
+        Caustics = "caustics",
     }
 }
 
@@ -34,6 +36,7 @@ impl Show {
             Self::Both => [1.0, 1.0, 1.0],
             Self::Direct => [1.0, 0.0, 0.0],
             Self::Indirect => [0.0, 1.0, 0.0],
+            Self::Caustics => [0.0, 0.0, 1.0],
         }
     }
 }

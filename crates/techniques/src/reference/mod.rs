@@ -5,8 +5,5 @@
 //! - [`first_hit`]: what paths from the camera meet first.
 
 pub mod first_hit;
-mod interfaces;
 pub mod path;
 pub mod photon;
-
-pub use interfaces::{Interfaces, Specular};

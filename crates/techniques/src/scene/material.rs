@@ -81,7 +81,7 @@ pub fn alpha_cutoff(material: &cs::Material) -> f32 {
 }
 
 /// Whether what looks passes through a surface's back. The boundary of a volume has an inside. Twin of `one_sided` in
-/// `reference/path/vertex.wesl`.
+/// `paths/vertex.wesl`.
 pub fn one_sided(material: &cs::Material) -> bool {
     let bounds_volume = transmission(material) > 0.0 && material.thickness > 0.0;
     !(material.double_sided || bounds_volume)

@@ -13,7 +13,7 @@ use crate::{LoadedScene, Renderer, StillOptions, View};
 const SIDE: &str = "128";
 
 /// Together they make every condition false once, and true.
-const COMBINATIONS: [&[(&str, &str)]; 19] = [
+const COMBINATIONS: [&[(&str, &str)]; 21] = [
     &[],
     &[("pipeline", "forward"), ("surface.msaa", "1"), ("shadow.transmission_tint", "true")],
     &[("shadow.layout", "none")],
@@ -54,6 +54,8 @@ const COMBINATIONS: [&[(&str, &str)]; 19] = [
         ("indirect.rsm_resolution", "64"),
         ("indirect.clamp", "0"),
     ],
+    &[("caustics.technique", "photon_trace"), ("caustics.photons", "1024")],
+    &[("caustics.technique", "photon_trace"), ("caustics.photons", "1024"), ("caustics.filter", "none")],
 ];
 
 /// A sun, a point and a spot light.

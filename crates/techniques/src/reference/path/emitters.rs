@@ -8,19 +8,18 @@ use std::f32::consts::PI;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, Gpu, GpuError};
 use chiaro_scene as cs;
-use glam::{BVec3, Vec3};
+use glam::Vec3;
 
 use super::lamps::Lamps;
 use crate::frame::LightData;
 use crate::light::light_data;
+use crate::paths::{EVERYWHERE, cone_height};
 use crate::rays::{TriangleRef, Word, placed_triangles};
 use crate::scene::Cut;
 
 /// Kinds, in the top bits of an emitter's third word.
 const TRIANGLE: u32 = 1 << 30;
 const ENVIRONMENT: u32 = 2 << 30;
-/// As in `photon/emit.wesl`.
-const WIDEST: f32 = 0.99;
 /// Columns of the environment's table at most.
 const COLUMNS: u32 = 1024;
 
@@ -242,21 +241,15 @@ impl Gathered {
     }
 }
 
-/// The share of a light's directions that a cone around the corners of a box takes. Twin of `towards_target` in
-/// `photon/emit.wesl`.
-fn aimed(light: &LightData, (lo, hi): (Vec3, Vec3)) -> f32 {
-    let from = Vec3::from(light.position_ws);
+/// The share of a light's directions that are towards a box.
+fn aimed(light: &LightData, bounds: (Vec3, Vec3)) -> f32 {
     let own = match light.kind {
         LightData::DIRECTIONAL => return 1.0,
         LightData::SPOT => 1.0 - light.cone_rad.cos(),
-        _ => 2.0,
+        _ => EVERYWHERE,
     };
-    let corner = |i: u32| Vec3::select(BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), hi, lo) - from;
-    let corners: [Vec3; 8] = std::array::from_fn(|i| corner(i as u32).normalize_or_zero());
-    let axis = corners.iter().sum::<Vec3>().normalize_or_zero();
-    let height = corners.iter().map(|c| 0.5 * (*c - axis).length_squared()).fold(0.0, f32::max);
-    let inside = from.cmpgt(lo).all() && from.cmplt(hi).all();
-    if inside || height >= WIDEST { 1.0 } else { (height / own).min(1.0) }
+    let height = cone_height(light.position_ws.into(), bounds);
+    if height >= EVERYWHERE { 1.0 } else { (height / own).min(1.0) }
 }
 
 /// How much of a surface is there at most: textures and vertex colours only lower alpha.

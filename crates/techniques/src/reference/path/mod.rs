@@ -37,8 +37,8 @@ use chiaro_gpu::shader::Library;
 use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Bind, Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life};
 
+use crate::paths::Interfaces;
 use crate::rays::{TraceFacts, TraceScene};
-use crate::reference::interfaces::Interfaces;
 use crate::reference::photon::PhotonMap;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;

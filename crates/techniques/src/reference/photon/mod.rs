@@ -33,8 +33,8 @@ use chiaro_gpu::wgpu::BufferUsages;
 use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Group, GroupLayout, Life};
 use glam::Vec3;
 
+use crate::paths::Interfaces;
 use crate::rays::{TraceFacts, TraceScene};
-use crate::reference::interfaces::Interfaces;
 use crate::reference::path::emitters::Emitters;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::shaders;

@@ -3,7 +3,7 @@
 use chiaro_scene as cs;
 use glam::Vec3;
 
-/// Twin of `SMOOTH` in `path/bsdf.wesl`.
+/// Twin of `SMOOTH` in `bsdf.wesl`.
 const SMOOTH: f32 = 0.01;
 
 /// Which materials of a scene mirror exactly or refract without blur; found once, for their textures are looked through.
@@ -14,6 +14,11 @@ impl Specular {
     /// Looks at a scene's materials.
     pub fn of(scene: &cs::Scene) -> Self {
         Self(scene.materials.iter().map(|material| is_specular(scene, material)).collect())
+    }
+
+    /// Whether a material, told by its index, does.
+    pub fn is(&self, material: usize) -> bool {
+        self.0[material]
     }
 
     /// Whether any does.
