@@ -10,11 +10,9 @@ use chiaro_techniques::indirect::ism::{Ism, IsmAtlas, IsmInputs, IsmPlan, IsmRoo
 use chiaro_techniques::indirect::pictures::{PictureInputs, PictureRoom, Pictures};
 use chiaro_techniques::indirect::points::{PointData, PointRoom, Points};
 use chiaro_techniques::indirect::rsm::{self, Rsm, RsmInputs, RsmPlan, RsmRoom, RsmView};
-use chiaro_techniques::indirect::sources::{
-    SCATTERED, SOURCES, SourcePool, SourceRoom, Sources, Surroundings,
-};
+use chiaro_techniques::indirect::sources::{SourcePool, SourceRoom, Sources, Surroundings};
 use chiaro_techniques::indirect::vpls::{VplRoom, Vpls, candidates};
-use chiaro_techniques::indirect::{IndirectSettings, LitBy, Slots, VplSampling};
+use chiaro_techniques::indirect::{IndirectSettings, LitBy, SCATTERED, SOURCES, Slots, VplSampling};
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::{Casters, ShadowOutputs};
 use chiaro_techniques::view::culling::{Culling, DrawLists};

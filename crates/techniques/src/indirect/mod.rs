@@ -37,7 +37,7 @@ pub mod vpls;
 
 pub use openness::{Openness, SkyView};
 pub use settings::{IndirectSettings, IrradianceFilter, IsmResolution, Technique, VplSampling};
-pub use slots::{LitBy, Slots};
+pub use slots::{LitBy, SCATTERED, SETS, SOURCES, Slots};
 pub use vpl::Vpl;
 
 use std::f32::consts::PI;

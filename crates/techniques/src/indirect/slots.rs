@@ -3,7 +3,13 @@
 use std::ops::Range;
 
 use super::settings::IndirectSettings;
-use super::sources::{SCATTERED, SETS, SOURCES};
+
+/// Number of the set of VPLs on what shines itself; those of bounces have lower ones.
+pub const SOURCES: u32 = IndirectSettings::MOST_BOUNCES;
+/// Of those where they shine.
+pub const SCATTERED: u32 = SOURCES + 1;
+/// How many sets there are.
+pub const SETS: u32 = SCATTERED + 1;
 
 /// Virtual lights of a further bounce, unless the first has fewer.
 const LEAST: u32 = 64;

@@ -1,10 +1,11 @@
 //! Further bounces of indirect light in a closed room, of which it is known how much light there is.
 
+use chiaro_techniques::indirect::SETS;
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use chiaro::scene::{LightKind, Projection};
 use chiaro::{Aov, Left, StillOptions, View};
-use chiaro_techniques::indirect::{IndirectSettings, Vpl};
+use chiaro_techniques::indirect::Vpl;
 use chiaro_testkit::{Stage, Studio, device, direct};
 use glam::{Mat4, Vec2, Vec3};
 
@@ -55,7 +56,7 @@ fn a_closed_room_has_the_light_of_all_its_bounces() {
     let mut left = still.left.into_iter().map(|left| read(left.content));
     let vpls: Vec<Vpl> = bytemuck::pod_collect_to_vec(&left.next().unwrap());
     let counts: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&left.next().unwrap());
-    assert_eq!(counts.len(), IndirectSettings::MOST_BOUNCES as usize);
+    assert_eq!(counts.len(), SETS as usize);
     let flux = |&[count, _, first, _]: &[u32; 4]| -> f32 {
         vpls[first as usize..][..count as usize].iter().map(|vpl| vpl.flux[1]).sum()
     };

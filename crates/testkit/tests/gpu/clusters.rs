@@ -5,6 +5,7 @@ use chiaro_gpu::{Buffer, BufferReadback, Gpu, Recorder};
 use chiaro_techniques::indirect::clusters::{Centre, ClusterRoom, Clusters};
 use chiaro_techniques::indirect::vpls::{VplRoom, Vpls};
 use chiaro_techniques::indirect::{IndirectSettings, Technique, Vpl};
+use chiaro_techniques::indirect::{LitBy, Slots};
 use chiaro_techniques::{Kit, Pass, shaders};
 use chiaro_testkit::{Studio, TestGpu, device, nmae};
 use glam::Vec3;
@@ -46,7 +47,8 @@ impl Rig {
 
     /// The lights that clusters of some are; the geometric mean of their fluxes; and the cluster of each.
     fn clustered(&mut self, vpls: &[Vpl], moves: bool) -> (Vec<Vpl>, f32, Vec<u32>) {
-        let placed = self.vpls.room(&self.gpu, &self.settings, 1, &mut self.placed);
+        let slots = Slots::new(&self.settings, LitBy { lamps: true, sources: false });
+        let placed = self.vpls.room(&self.gpu, &self.settings, (slots, 1), &mut self.placed);
         let room = self.clusters.room(&self.gpu, &self.settings, &mut self.room);
         let mut frame = self.recorder.begin();
         frame.clear(&placed.vpls);

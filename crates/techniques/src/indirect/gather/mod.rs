@@ -71,7 +71,7 @@ use chiaro_gpu::{
 
 use super::ism::IsmAtlas;
 use super::settings::{IndirectSettings, IrradianceFilter, Technique};
-use super::sources::SOURCES;
+use super::slots::SOURCES;
 use crate::rays::TraceFacts;
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::{Kit, Pass, shaders};

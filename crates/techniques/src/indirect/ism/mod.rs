@@ -77,7 +77,7 @@ use chiaro_gpu::{
 use glam::Vec3;
 
 use super::settings::IndirectSettings;
-use super::sources::SOURCES;
+use super::slots::SOURCES;
 use crate::{Kit, Pass, shaders};
 
 const ATLAS: ViewHint = ViewHint::scaled(

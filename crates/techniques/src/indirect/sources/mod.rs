@@ -8,10 +8,10 @@
 //! | step | reads | writes | by |
 //! | --- | --- | --- | --- |
 //! | choice (CPU, any thread), once a scene | scene at rest | `glow_places`: three u32 each; `far_directions`: four u32 each | |
-//! | place | those, scene | VPLs of the set [`SOURCES`], `vpl_count` | a lane each |
+//! | place | those, scene | VPLs of the set [`SOURCES`](super::SOURCES), `vpl_count` | a lane each |
 //! | their maps: [`super::ism`] | | | |
 //! | what they give: [`super::gather`] | | `irradiance` of direct light | |
-//! | VPLs where they shine: [`super::bounces`] | | VPLs of the set [`SCATTERED`] | |
+//! | VPLs where they shine: [`super::bounces`] | | VPLs of the set [`SCATTERED`](super::SCATTERED) | |
 //!
 //! # Flux
 //! Places of glowing triangles are chosen by luminance × area, L(x) dA over its sum W: textures, masks and both sides count. Each of N
@@ -46,17 +46,9 @@ use chiaro_gpu::{Buffer, ComputePipeline, Dispatch, Frame, Gpu, GpuError, Life};
 use chiaro_scene as cs;
 use glam::Vec3;
 
-use super::settings::IndirectSettings;
-use super::slots::Slots;
+use super::slots::{SOURCES, Slots};
 use crate::scene::{SceneFacts, SceneGpu};
 use crate::{Kit, Pass, shaders};
-
-/// Number of the set of VPLs on what shines itself; those of bounces have lower ones.
-pub const SOURCES: u32 = IndirectSettings::MOST_BOUNCES;
-/// Of those where they shine.
-pub const SCATTERED: u32 = SOURCES + 1;
-/// How many sets there are.
-pub const SETS: u32 = SCATTERED + 1;
 
 /// See `sources.wesl`.
 #[repr(C)]

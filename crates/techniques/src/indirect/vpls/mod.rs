@@ -40,8 +40,8 @@ use chiaro_gpu::{
 
 use super::rsm::{RsmPlan, RsmRoom};
 use super::settings::{IndirectSettings, VplSampling};
+use super::slots::SETS;
 use super::slots::Slots;
-use super::sources::SETS;
 use super::vpl::Vpl;
 use crate::{Kit, Pass, shaders};
 

@@ -4,6 +4,7 @@ mod filter;
 mod sight;
 mod sums;
 
+use chiaro_techniques::indirect::SETS;
 use std::f32::consts::PI;
 
 use bytemuck::{Pod, Zeroable};
@@ -13,7 +14,7 @@ use chiaro_gpu::{
 };
 use chiaro_techniques::Compiled;
 use chiaro_techniques::frame::FrameData;
-use chiaro_techniques::indirect::gather::{Gather, GatherInputs, GatherKey, GatherRoom, Sight};
+use chiaro_techniques::indirect::gather::{Gather, GatherInputs, GatherKey, GatherRoom, Gathers, Sight};
 use chiaro_techniques::indirect::ism::IsmAtlas;
 use chiaro_techniques::indirect::{IndirectSettings, IrradianceFilter, Vpl};
 use chiaro_techniques::scene::{SceneFacts, SceneGpu};
@@ -35,7 +36,7 @@ const UNLIT: u32 = 2;
 const SKY: u32 = 3;
 
 fn key(sight: Sight, filter: IrradianceFilter, clamp_loss: bool) -> GatherKey {
-    GatherKey { sight, filter, wide: false, clamp_loss, facts: SceneFacts::default() }
+    GatherKey { sight, filter, wide: false, clamp_loss, sources: false, facts: SceneFacts::default() }
 }
 
 fn settings(interleave: u32) -> IndirectSettings {
@@ -199,7 +200,7 @@ impl<'a> Rig<'a> {
     }
 
     fn buffers(&self, vpls: &[Vpl]) -> (Buffer, Buffer) {
-        let mut count = [[0; 4]; IndirectSettings::MOST_BOUNCES as usize];
+        let mut count = [[0; 4]; SETS as usize];
         count[0] = [vpls.len() as u32, EVEN_LM.to_bits(), 0, 0];
         (self.bench.buffer("vpls", vpls), self.bench.buffer("vpl_count", &count))
     }
@@ -214,7 +215,13 @@ impl<'a> Rig<'a> {
     ) -> Texture {
         self.bench.set_frame(&picture.frame);
         let [depth, surface] = picture.textures(self.gpu);
-        let room = self.pass.room(self.gpu, &self.pool, picture.size, others.atlases.len(), &mut self.room);
+        let room = self.pass.room(
+            (self.gpu, &self.pool),
+            picture.size,
+            others.atlases.len(),
+            Gathers::Bounced,
+            &mut self.room,
+        );
         let inputs = GatherInputs {
             group: self.bench.frame.group(),
             scene: others.rays.map(|(scene, _)| scene),
@@ -222,6 +229,7 @@ impl<'a> Rig<'a> {
             surface: &surface,
             vpls,
             vpl_count,
+            light: Gathers::Bounced,
             atlases: others.atlases,
             tracer: others.rays.map(|(_, tracer)| tracer),
             given_back: others.given_back,

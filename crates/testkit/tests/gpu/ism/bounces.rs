@@ -1,6 +1,7 @@
 //! Virtual lights that others light, by their maps.
 
 use super::*;
+use chiaro_techniques::indirect::{LitBy, Slots};
 
 use std::collections::HashMap;
 
@@ -45,8 +46,9 @@ fn bounced(plan: impl Fn(&IndirectSettings, u32) -> IsmPlan) -> (Vec<[u32; 4]>, 
     let settings = bounce_settings();
     let (points, area) = scatter(&walls(), POINTS as usize, VPLS);
     let first = lights();
+    let sets = Slots::new(&settings, LitBy { lamps: true, sources: false });
     let mut slots = first.clone();
-    slots.resize(settings.all_slots() as usize, Vpl::zeroed());
+    slots.resize(sets.all() as usize, Vpl::zeroed());
     let plan = plan(&settings, slots.len() as u32);
     let mut rig = Rig::with_plan(&gpu, settings.clone(), (&points, area, 12f32.sqrt()), &slots, plan);
     rig.vpl_count = rig.bench.buffer("vpl_count", &counted(VPLS as u32));
@@ -55,7 +57,7 @@ fn bounced(plan: impl Fn(&IndirectSettings, u32) -> IsmPlan) -> (Vec<[u32; 4]>, 
     let mut recorder = Recorder::new(&gpu, false);
     let mut frame = recorder.begin();
     let atlases = rig.record(&mut frame);
-    bounces.record(&mut frame, (&settings, 0, 0), &rig.inputs(1), atlases, &room);
+    bounces.record(&mut frame, (&sets, 0, 0), (&rig.inputs(1), &[0]), atlases, &room);
     frame.submit();
     let read = |buffer| BufferReadback::start(&gpu, buffer).wait(&gpu).unwrap();
     let vpls: Vec<Vpl> = bytemuck::pod_collect_to_vec(&read(&rig.vpls));

@@ -5,6 +5,7 @@ mod filling;
 mod seeing;
 mod splats;
 
+use chiaro_techniques::indirect::SETS;
 use std::f32::consts::PI;
 
 use bytemuck::{Pod, Zeroable};
@@ -96,8 +97,8 @@ impl Place {
 }
 
 /// The words that tell how many VPLs there are, all of the first bounce.
-fn counted(vpls: u32) -> [[u32; 4]; IndirectSettings::MOST_BOUNCES as usize] {
-    let mut words = [[0; 4]; IndirectSettings::MOST_BOUNCES as usize];
+fn counted(vpls: u32) -> [[u32; 4]; SETS as usize] {
+    let mut words = [[0; 4]; SETS as usize];
     words[0] = [vpls, 1, 0, 1];
     words
 }
@@ -137,7 +138,7 @@ impl<'a> Rig<'a> {
         plan: IsmPlan,
     ) -> Self {
         let bench = Bench::new(gpu);
-        let ism = Ism::compile(&bench.kit, &()).unwrap();
+        let ism = Ism::compile(&bench.kit, &false).unwrap();
         let words: Vec<_> = points.iter().map(Point::words).collect();
         let mut rig = Self {
             gpu,
@@ -168,16 +169,16 @@ impl<'a> Rig<'a> {
         self.ism.record(frame, &self.settings, &self.inputs(0), &self.room)
     }
 
-    fn inputs(&self, bounce: u32) -> IsmInputs<'_> {
+    fn inputs(&self, set: u32) -> IsmInputs<'_> {
         IsmInputs {
             points: &self.points,
             pool: self.pool,
             vpls: &self.vpls,
             vpl_count: &self.vpl_count,
-            bounce,
+            set,
             scene_area_m2: self.area_m2,
             dense: None,
-            largest_m: self.largest_m,
+            bounds_ws: (Vec3::ZERO, Vec3::splat(self.largest_m / 3f32.sqrt())),
         }
     }
 
