@@ -383,7 +383,7 @@ fn rust_structs_equal_their_wesl_twins() {
         round,
         places,
         directions,
-        vpl_set,
+        reserved2,
         glow,
         radius,
         turn,

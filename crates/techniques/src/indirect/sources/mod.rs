@@ -7,7 +7,7 @@
 //!
 //! | step | reads | writes | by |
 //! | --- | --- | --- | --- |
-//! | choice (CPU, any thread), once a scene | scene at rest | `glow_places`: three u32 each; `far_directions`: four u32 each | |
+//! | choice (CPU, any thread), once a scene | scene at rest | `source_pool`: places, three u32 each, and directions, four u32 each | |
 //! | place | those, scene | VPLs of the set [`SOURCES`](super::SOURCES), `vpl_count` | a lane each |
 //! | their maps: [`super::ism`] | | | |
 //! | what they give: [`super::gather`] | | `irradiance` of direct light | |
@@ -61,7 +61,7 @@ pub(crate) struct SourceData {
     pub(crate) round: u32,
     pub(crate) places: u32,
     pub(crate) directions: u32,
-    pub(crate) vpl_set: u32,
+    pub(crate) reserved2: u32,
     pub(crate) glow: f32,
     pub(crate) radius: f32,
     pub(crate) turn: [f32; 2],
@@ -74,8 +74,7 @@ pub(crate) struct SourceData {
 /// Places and directions that a scene's light may come from, on the GPU.
 #[derive(Clone, Debug)]
 pub struct SourcePool {
-    places: Buffer,
-    directions: Buffer,
+    words: Buffer,
     place_count: u32,
     direction_count: u32,
     glow: f32,
@@ -86,12 +85,11 @@ impl SourcePool {
     pub fn upload(gpu: &Gpu, scene: &cs::Scene, pose: &cs::Pose) -> Self {
         let glow = GlowData::build(scene, pose);
         let directions = surroundings::directions(scene.environment.as_ref());
-        let storage = BufferUsages::STORAGE;
         let nowhere = [[0; 3]];
         let places = if glow.places.is_empty() { &nowhere[..] } else { &glow.places };
+        let words = [places.as_flattened(), directions.as_flattened()].concat();
         Self {
-            places: Buffer::with_data(gpu, "glow_places", places.as_flattened(), storage),
-            directions: Buffer::with_data(gpu, "far_directions", &directions, storage),
+            words: Buffer::with_data(gpu, "source_pool", &words, BufferUsages::STORAGE),
             place_count: glow.places.len() as u32,
             direction_count: directions.len() as u32,
             glow: glow.glow as f32,
@@ -117,6 +115,7 @@ pub struct Surroundings {
 #[derive(Debug)]
 pub struct SourceRoom {
     uniform: Buffer,
+    count: Buffer,
 }
 
 /// The pass.
@@ -146,7 +145,11 @@ impl Sources {
     pub fn room(&self, gpu: &Gpu) -> SourceRoom {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let bytes = size_of::<SourceData>() as u64;
-        SourceRoom { uniform: Buffer::new(gpu, "sources", Life::Frame, bytes, usage) }
+        let copied = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        SourceRoom {
+            uniform: Buffer::new(gpu, "sources", Life::Frame, bytes, usage),
+            count: Buffer::new(gpu, "source_count", Life::Frame, 16, copied),
+        }
     }
 
     /// Places VPLs on what shines, of which there is something. `round` counts the frames of a still: each goes on where the one
@@ -177,7 +180,7 @@ impl Sources {
             round,
             places: pool.place_count.max(1),
             directions: pool.direction_count.max(1),
-            vpl_set: SOURCES,
+            reserved2: 0,
             glow: pool.glow,
             radius: 0.5 * lo.distance(hi).max(f32::MIN_POSITIVE),
             turn: [around.turn.cos(), around.turn.sin()],
@@ -187,12 +190,12 @@ impl Sources {
             reserved1: 0,
         };
         frame.upload(&room.uniform, &[data]);
+        frame.upload(&room.count, &[[count, 0, own.start, 0]]);
+        frame.copy((&room.count, 0), (vpl_count, 16 * u64::from(SOURCES)), 16);
         let binds = [
             ("sources", (&room.uniform).into()),
-            ("glow_places", (&pool.places).into()),
-            ("far_directions", (&pool.directions).into()),
+            ("source_pool", (&pool.words).into()),
             ("vpls", vpls.into()),
-            ("vpl_count", vpl_count.into()),
         ];
         let each = Dispatch::Threads([count, 1, 1]);
         frame.compute("indirect/sources", &self.place, &[scene.group()], &binds, each);
