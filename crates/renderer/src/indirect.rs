@@ -2,6 +2,7 @@
 
 use chiaro_gpu::{Buffer, Frame, Gpu, Group, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
+use chiaro_techniques::indirect::accumulate::{Accumulate, AccumulateInputs, AccumulateRoom, Allowed};
 use chiaro_techniques::indirect::bounces::{BounceRoom, Bounces};
 use chiaro_techniques::indirect::clusters::{ClusterRoom, Clusters};
 use chiaro_techniques::indirect::compensate::{Compensate, CompensateInputs, CompensateRoom};
@@ -11,12 +12,12 @@ use chiaro_techniques::indirect::pictures::{PictureInputs, PictureRoom, Pictures
 use chiaro_techniques::indirect::points::{PointData, PointRoom, Points};
 use chiaro_techniques::indirect::rsm::{self, Rsm, RsmInputs, RsmPlan, RsmRoom, RsmView};
 use chiaro_techniques::indirect::sources::{SourcePool, SourceRoom, Sources, Surroundings};
-use chiaro_techniques::indirect::vpls::{VplRoom, Vpls, candidates};
+use chiaro_techniques::indirect::vpls::{VplRoom, VplSet, Vpls, candidates};
 use chiaro_techniques::indirect::{IndirectSettings, LitBy, SCATTERED, SOURCES, Slots, VplSampling};
 use chiaro_techniques::scene::SceneGpu;
 use chiaro_techniques::shadow::{Casters, ShadowOutputs};
 use chiaro_techniques::view::culling::{Culling, DrawLists};
-use chiaro_techniques::view::{Surfaces, ViewData, ViewTable};
+use chiaro_techniques::view::{MotionOutputs, Surfaces, ViewData, ViewTable};
 use glam::Vec3;
 
 use crate::{Error, Settings};
@@ -40,6 +41,8 @@ pub(crate) struct IndirectPasses<'a> {
     pub clusters: Option<&'a Clusters>,
     // Where settings ask for it.
     pub compensate: Option<&'a Compensate>,
+    // Where frames are averaged.
+    pub accumulate: Option<&'a Accumulate>,
     // Where something may ask for them.
     pub pictures: Option<&'a Pictures>,
 }
@@ -67,6 +70,8 @@ pub(crate) struct IndirectRooms {
     compensate: Option<CompensateRoom>,
     sources: Option<SourceRoom>,
     gather: LightRooms,
+    // Light of opaque surfaces, in moving pictures.
+    accumulated: Means,
     // Of see-through layers.
     layer: LightRooms,
     // Where they are wanted.
@@ -79,6 +84,35 @@ struct LightRooms {
     bounced: Option<GatherRoom>,
     // Where anything shines itself.
     sourced: Option<GatherRoom>,
+}
+
+/// Means over frames of light of both kinds.
+#[derive(Debug, Default)]
+struct Means {
+    bounced: Option<AccumulateRoom>,
+    sourced: Option<AccumulateRoom>,
+}
+
+impl Means {
+    fn record(
+        &mut self,
+        frame: &mut Frame<'_>,
+        accumulate: &Accumulate,
+        (surface, motion, allowed): (&Texture, &MotionOutputs, Allowed),
+        light: Gathered,
+    ) -> Gathered {
+        let mut mean = |irradiance: Texture, room: &mut Option<AccumulateRoom>| match room {
+            Some(room) => {
+                let inputs = AccumulateInputs { irradiance: &irradiance, surface, motion, allowed };
+                accumulate.record(frame, &inputs, room)
+            }
+            None => irradiance,
+        };
+        Gathered {
+            bounced: mean(light.bounced, &mut self.bounced),
+            sourced: light.sourced.map(|light| mean(light, &mut self.sourced)),
+        }
+    }
 }
 
 /// What a frame asks for.
@@ -97,6 +131,12 @@ pub(crate) struct Wanted<'a> {
     pub moves: bool,
     /// What surrounds the scene.
     pub around: Surroundings,
+    // Whether the frame goes on from the one before.
+    pub continues: bool,
+    // Steps to other sets of virtual lights.
+    pub drift: u32,
+    // In moving pictures that average light.
+    pub allowed: Option<Allowed>,
 }
 
 /// What a frame does.
@@ -108,6 +148,9 @@ pub(crate) struct IndirectPlan {
     round: u32,
     moves: bool,
     share: f32,
+    continues: bool,
+    drift: u32,
+    allowed: Option<Allowed>,
     /// What was given up, for the user.
     pub note: Option<String>,
 }
@@ -129,6 +172,8 @@ pub(crate) struct VplInputs<'a> {
     pub light_grid: Option<&'a Buffer>,
     // Depth and surface of the surface buffer.
     pub seen: (&'a Texture, &'a Texture),
+    // How opaque surfaces have moved, where frames are averaged.
+    pub motion: Option<&'a MotionOutputs>,
     // Where reflective shadow maps stand in the table of views, and what was culled with its first batch, if any was.
     pub views: (&'a ViewTable, Option<&'a DrawLists>, u32),
 }
@@ -143,6 +188,11 @@ impl IndirectPlan {
     /// stood for less.
     fn bounded(&self) -> IndirectSettings {
         IndirectSettings { clamp: self.settings.clamp * self.share, ..self.settings.clone() }
+    }
+
+    /// Whether the light of frames is averaged.
+    pub fn averages(&self) -> bool {
+        self.allowed.is_some()
     }
 
     /// All views that there are.
@@ -260,6 +310,19 @@ impl IndirectRooms {
                 }
             }
         }
+        match passes.accumulate {
+            // Frames that average nothing leave what there is.
+            Some(accumulate) if wanted.allowed.is_some() => {
+                accumulate.room(gpu, pool, wanted.size_px, &mut self.accumulated.bounced);
+                if slots.shine() {
+                    accumulate.room(gpu, pool, wanted.size_px, &mut self.accumulated.sourced);
+                } else {
+                    self.accumulated.sourced = None;
+                }
+            }
+            Some(_) => {}
+            None => self.accumulated = Means::default(),
+        }
         match passes.pictures.filter(|_| wanted.pictures) {
             Some(pictures) => {
                 let has_points = self.points.is_some();
@@ -268,16 +331,16 @@ impl IndirectRooms {
             None => self.pictures = None,
         }
         let (settings, around) = (indirect.clone(), wanted.around);
-        let (round, moves, share) = (wanted.round, wanted.moves, wanted.share);
-        Ok(IndirectPlan { settings, around, rsm, round, moves, share, note })
+        let &Wanted { round, moves, share, continues, drift, allowed, .. } = wanted;
+        Ok(IndirectPlan { settings, around, rsm, round, moves, share, continues, drift, allowed, note })
     }
 
     /// Places virtual lights, draws their shadows and gathers their light. `seed`: what sequences are turned by.
     pub fn record(&mut self, frame: &mut Frame<'_>, seed: u32, light: &VplInputs<'_>) -> Gathered {
-        let VplInputs { at, shadows, light_grid, seen, views: (table, lists, first) } = *light;
+        let VplInputs { at, shadows, light_grid, seen, motion, views: (table, lists, first) } = *light;
         let GatherAt { group, passes, scene, plan } = at;
         let indirect = &plan.settings;
-        let (Some(maps), Some(placed)) = (&mut self.rsm, &self.vpls) else {
+        let (Some(maps), Some(placed)) = (&mut self.rsm, &mut self.vpls) else {
             unreachable!("what is planned has room")
         };
         let drawn = RsmInputs {
@@ -292,8 +355,9 @@ impl IndirectRooms {
             shadows,
         };
         passes.rsm.record(frame, &drawn, maps);
-        let how = (indirect, seed, plan.round);
-        passes.vpls.record(frame, how, (group, seen), (&plan.rsm, maps), placed);
+        let IndirectPlan { round, drift, continues, .. } = *plan;
+        let set = VplSet { seed, round, drift, continues };
+        passes.vpls.record(frame, (indirect, set), (group, seen), (&plan.rsm, maps), placed);
         let slots = placed.slots();
         if let (Some(clusters), Some(room)) = (passes.clusters, &mut self.clusters) {
             clusters.record(frame, (indirect, plan.round), (scene.gpu.id(), plan.moves), placed, room);
@@ -363,7 +427,13 @@ impl IndirectRooms {
             compensate.record(frame, (&plan.bounded(), plan.round), &shown, room);
             given_back = Some(room.given_back());
         }
-        self.gather(frame, at, (seen, &self.gather), given_back)
+        let gathered = self.gather(frame, at, (seen, &self.gather), given_back);
+        match (passes.accumulate, motion, plan.allowed) {
+            (Some(accumulate), Some(motion), Some(allowed)) => {
+                self.accumulated.record(frame, accumulate, (seen.1, motion, allowed), gathered)
+            }
+            _ => gathered,
+        }
     }
 
     /// Gathers for a layer of see-through surfaces, where there is room for any.

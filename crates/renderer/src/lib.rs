@@ -60,6 +60,7 @@ mod error;
 mod indirect;
 mod jitter;
 mod left;
+mod light_change;
 mod loaded;
 mod moving;
 mod passes;

@@ -2,12 +2,14 @@
 
 use chiaro_gpu::History;
 use chiaro_techniques::frame::LightData;
+use chiaro_techniques::indirect::accumulate::Allowed;
 use chiaro_techniques::post::{AntialiasInputs, CameraSettings};
 use chiaro_techniques::scene::motion::SceneMotion;
 use chiaro_techniques::view::Moment;
 use glam::{Quat, Vec2, Vec3};
 
 use crate::jitter::Jitter;
+use crate::light_change::light_change;
 use crate::{LoadedScene, Settings, View};
 
 /// Where within their pixels frames are taken.
@@ -57,6 +59,11 @@ const MOVING_FOOTPRINT: f32 = 0.5;
 const JUMP_SHARE: f32 = 0.1;
 const JUMP_RAD: f32 = 0.25;
 
+/// Frames of indirect light that count while things move. What they change by more is found pixel by pixel.
+const FRAMES_IN_MOTION: f32 = 8.0;
+/// As many count as lamps take to change by this much, see [`light_change`].
+const CHANGE_THAT_LAGS: f32 = 0.25;
+
 /// What a frame must have in common with the one before to go on from it: scene, size, and all settings but those of the
 /// screen.
 pub(crate) type SeenKey = (u64, [u32; 2], Settings);
@@ -75,6 +82,8 @@ pub(crate) struct Seen {
     radiance_scale: f32,
     // Since the last cut.
     frames: u32,
+    // Steps to other sets of virtual lights since then.
+    drift: u32,
     // Since the frame before, in world axes.
     step_m: Vec3,
     turn_rad: Vec3,
@@ -89,6 +98,8 @@ pub(crate) struct Moves {
     pub sampling: (Vec2, f32),
     /// Where frames are averaged.
     pub antialias: Option<AntialiasInputs>,
+    /// Where their indirect light is.
+    pub irradiance: Option<Allowed>,
     key: SeenKey,
     seen: Seen,
 }
@@ -102,12 +113,17 @@ pub(crate) struct Look<'a> {
 }
 
 impl Moves {
-    /// `smooths`: whether the frame becomes part of a mean. `history`: of frames whose textures are still there.
-    pub(crate) fn new(look: &Look<'_>, history: Option<&SeenHistory>, smooths: bool) -> Self {
+    /// `smooths`: whether the frame becomes part of a mean; `accumulates`: whether its indirect light does. `history`: of
+    /// frames whose textures are still there.
+    pub(crate) fn new(
+        look: &Look<'_>,
+        history: Option<&SeenHistory>,
+        [smooths, accumulates]: [bool; 2],
+    ) -> Self {
         let key = look.key();
         let last = history.and_then(|history| history.get(&key));
         let before = last.filter(|last| look.goes_on_from(last));
-        let seen = look.seen(before, last);
+        let mut seen = look.seen(before, last);
         let index = seen.frames - 1;
         let (jitter_px, footprint_scale) = match before {
             Some(before) if smooths && before.moment == seen.moment => {
@@ -120,10 +136,21 @@ impl Moves {
         let antialias = smooths.then(|| AntialiasInputs {
             rests: before.is_some_and(|before| before.shows_the_same_as(&seen)),
             jitter_px: jitter_px.to_array(),
-            history_scale: before.map_or(1.0, |before| seen.radiance_scale / before.radiance_scale),
+            history_scale: seen.scale_since(before),
         });
+        let irradiance = accumulates.then(|| look.allowed(before, &seen));
+        // The mean becomes that of several sets of virtual lights, of which few a frame are others. What changes by itself has no
+        // need of it.
+        if irradiance.is_some() && before.is_some_and(|before| before.is_lit_as(&seen)) {
+            seen.drift = seen.drift.wrapping_add(1);
+        }
         let (now, before) = (seen.moment, before.map(|before| before.moment));
-        Self { now, before, sampling: (jitter_px, footprint_scale), antialias, key, seen }
+        Self { now, before, sampling: (jitter_px, footprint_scale), antialias, irradiance, key, seen }
+    }
+
+    /// Steps to other sets of virtual lights since the last cut.
+    pub(crate) fn drift(&self) -> u32 {
+        self.seen.drift
     }
 
     /// Once the frame is recorded, the next may go on from it.
@@ -133,8 +160,17 @@ impl Moves {
 }
 
 impl Seen {
+    /// Stored units of radiance over those of the frame before.
+    fn scale_since(&self, before: Option<&Self>) -> f32 {
+        before.map_or(1.0, |before| self.radiance_scale / before.radiance_scale)
+    }
+
     fn shows_the_same_as(&self, other: &Self) -> bool {
-        self.view == other.view && self.generation == other.generation && self.lights == other.lights
+        self.view == other.view && self.is_lit_as(other)
+    }
+
+    fn is_lit_as(&self, other: &Self) -> bool {
+        self.generation == other.generation && self.lights == other.lights
     }
 }
 
@@ -159,6 +195,19 @@ impl Look<'_> {
             && seen.view.is_orthographic() == self.view.is_orthographic()
     }
 
+    /// How much of indirect light's past counts: as far back as lamps were much the same.
+    fn allowed(&self, before: Option<&Seen>, now: &Seen) -> Allowed {
+        let (lo, hi) = self.scene.gpu.bounds_ws;
+        let frames = before.map_or(0.0, |before| {
+            let most = self.settings.indirect.history as f32;
+            let change = light_change(&before.lights, &now.lights, (hi - lo).length());
+            let rests = before.generation == now.generation;
+            let most = if rests { most } else { most.min(FRAMES_IN_MOTION) };
+            if change > 0.0 { most.min(CHANGE_THAT_LAGS / change) } else { most }
+        });
+        Allowed { frames, history_scale: now.scale_since(before) }
+    }
+
     /// What a frame shows that goes on from one, or only comes after one.
     fn seen(&self, before: Option<&Seen>, last: Option<&Seen>) -> Seen {
         let view = *self.view;
@@ -176,6 +225,7 @@ impl Look<'_> {
             lights: self.scene.lights().to_vec(),
             radiance_scale: self.scene.radiance_scale,
             frames: before.map_or(1, |before| before.frames.saturating_add(1)),
+            drift: before.map_or(0, |before| before.drift),
             step_m,
             turn_rad,
         }

@@ -3,6 +3,7 @@
 use chiaro_gpu::{GpuError, parallel};
 use chiaro_techniques::caustics::photon_trace::PhotonTrace;
 use chiaro_techniques::direct::{DirectLight, Permutations};
+use chiaro_techniques::indirect::accumulate::Accumulate;
 use chiaro_techniques::indirect::bounces::Bounces;
 use chiaro_techniques::indirect::clusters::Clusters;
 use chiaro_techniques::indirect::compensate::Compensate;
@@ -122,6 +123,7 @@ passes! {
     gather: Option<Gather> = |settings: &Settings, facts| {
         GatherKey::new(&settings.indirect, settings.shadow.transmission_tint, facts)
     };
+    accumulate: Option<Accumulate> = |settings: &Settings, _| settings.indirect.accumulates().then_some(());
     pictures: Option<Pictures> = |settings: &Settings, _| {
         settings.indirect.technique.makes_vpls().then_some(())
     };
@@ -146,6 +148,7 @@ impl Passes {
             sources: self.sources.as_ref(),
             clusters: self.clusters.as_ref(),
             compensate: self.compensate.as_ref(),
+            accumulate: self.accumulate.as_ref(),
             pictures: self.pictures.as_ref(),
         })
     }

@@ -107,15 +107,30 @@ pub(crate) fn record(
     inputs: &FrameInputs<'_>,
     rooms: &mut Rooms,
 ) -> FrameOutputs {
-    let Rooms { views, lists, surface, shadow, light, layers, motion, antialias, indirect, photons } = rooms;
+    let Rooms {
+        views,
+        lists,
+        surface,
+        shadow,
+        light,
+        layers,
+        motion,
+        opaque_motion,
+        antialias,
+        indirect,
+        photons,
+    } = rooms;
     let (Some(lists), Some(surface), Some(shadow), Some(light)) = (lists, surface, shadow, light) else {
         unreachable!("what is prepared has room")
     };
     let (layers, photons) = (layers.as_ref(), photons.as_ref());
     let rooms = FrameRooms { views, lists, surface, light, layers, photons };
+    // Without see-through surfaces all motion is that of opaque ones.
+    let opaque = if rooms.layers.is_some() { opaque_motion.as_mut() } else { motion.as_mut() };
+    let changing = ChangingRooms { shadow, indirect, opaque_motion: opaque };
     let (lists, outputs) = match settings.pipeline {
-        Pipeline::Deferred => deferred(settings, passes, frame, inputs, (&rooms, shadow, indirect)),
-        Pipeline::Forward => forward(settings, passes, frame, inputs, (&rooms, shadow, indirect)),
+        Pipeline::Deferred => deferred(settings, passes, frame, inputs, (&rooms, changing)),
+        Pipeline::Forward => forward(settings, passes, frame, inputs, (&rooms, changing)),
     };
     match (inputs.moves, motion) {
         (Some(moves), Some(motion)) if moves.antialias.is_some() || inputs.wants_surface => {
@@ -136,11 +151,11 @@ fn move_on(
     (motion, antialias): (&mut MotionRoom, Option<&mut AntialiasRoom>),
     mut outputs: FrameOutputs,
 ) -> FrameOutputs {
-    let camera = (rooms.views, lists, CAMERA);
-    let shown = (rooms.surface, rooms.layers.and_then(LayerRoom::nearest));
-    let moments = (&moves.now, moves.before.as_ref());
-    let groups = (inputs.group.group(), &inputs.scene.gpu);
-    let vectors = passes.motion_vectors.record(frame, groups, camera, shown, moments, motion);
+    let layer = rooms.layers.and_then(LayerRoom::nearest);
+    // Where indirect light has not asked for the same.
+    let found = outputs.motion.take();
+    let vectors =
+        found.unwrap_or_else(|| vectors(passes, frame, inputs, (rooms, lists, layer), moves, motion));
     if let (Some(pass), Some(room), Some(by)) = (&*passes.antialias, antialias, &moves.antialias) {
         let picture = (&outputs.radiance, outputs.unlit.as_ref());
         (outputs.radiance, outputs.unlit) = pass.record(frame, picture, &vectors, by, room);
@@ -149,7 +164,40 @@ fn move_on(
     outputs
 }
 
-/// All the room that a frame has.
+fn vectors(
+    passes: &Passes,
+    frame: &mut Frame<'_>,
+    inputs: &FrameInputs<'_>,
+    (rooms, lists, layer): (&FrameRooms<'_>, &DrawLists, Option<&Texture>),
+    moves: &Moves,
+    motion: &mut MotionRoom,
+) -> MotionOutputs {
+    let camera = (rooms.views, lists, CAMERA);
+    let moments = (&moves.now, moves.before.as_ref());
+    let groups = (inputs.group.group(), &inputs.scene.gpu);
+    passes.motion_vectors.record(frame, groups, camera, (rooms.surface, layer), moments, motion)
+}
+
+/// How far opaque surfaces have moved, where their indirect light is averaged.
+fn opaque_motion(
+    passes: &Passes,
+    frame: &mut Frame<'_>,
+    inputs: &FrameInputs<'_>,
+    (rooms, lists): (&FrameRooms<'_>, &DrawLists),
+    motion: Option<&mut MotionRoom>,
+) -> Option<MotionOutputs> {
+    let moves = inputs.moves.filter(|_| inputs.indirect.is_some_and(IndirectPlan::averages))?;
+    Some(vectors(passes, frame, inputs, (rooms, lists, None), moves, motion?))
+}
+
+/// Room that holds what frames leave for the next.
+struct ChangingRooms<'a> {
+    shadow: &'a mut ShadowRoom,
+    indirect: &'a mut IndirectRooms,
+    opaque_motion: Option<&'a mut MotionRoom>,
+}
+
+/// All the other room that a frame has.
 struct FrameRooms<'a> {
     views: &'a ViewTable,
     lists: &'a ListRoom,
@@ -164,7 +212,7 @@ fn deferred(
     passes: &Passes,
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
-    (rooms, shadow, indirect): (&FrameRooms<'_>, &mut ShadowRoom, &mut IndirectRooms),
+    (rooms, changing): (&FrameRooms<'_>, ChangingRooms<'_>),
 ) -> (DrawLists, FrameOutputs) {
     let group = inputs.group.group();
     let scene = &inputs.scene.gpu;
@@ -173,14 +221,17 @@ fn deferred(
     let camera = (rooms.views, &lists, CAMERA);
     let depth = passes.surfaces.record_visibility(frame, (group, scene), camera, rooms.surface);
     let shadow_inputs = shadow_inputs(passes, inputs, rooms, (&lists, Some(&depth)), &settings.shadow);
-    let shadows = passes.shadows.record(frame, inputs.group, &shadow_inputs, shadow);
+    let shadows = passes.shadows.record(frame, inputs.group, &shadow_inputs, changing.shadow);
     let surface = passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface);
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
+    let moved = opaque_motion(passes, frame, inputs, (rooms, &lists), changing.opaque_motion);
+    let indirect = changing.indirect;
     let gather_at = gathers_at(passes, inputs);
     let gathered = gather_at.map(|at| {
         let views = (rooms.views, Some(&lists), CAMERA + 1);
         let seen = (&surface.depth, &surface.surface);
-        let light = VplInputs { at, shadows: &shadows, light_grid: Some(&light_grid), seen, views };
+        let (light_grid, motion) = (Some(&light_grid), moved.as_ref());
+        let light = VplInputs { at, shadows: &shadows, light_grid, seen, motion, views };
         indirect.record(frame, settings.seed, &light)
     });
     let gather_layer = indirect.layer_gatherer(gather_at);
@@ -204,7 +255,8 @@ fn deferred(
         }
     });
     let surface = Some(surface);
-    (lists, FrameOutputs { radiance, unlit, parts, shadows, light_grid, motion: None, surface })
+    let motion = moved.filter(|_| rooms.layers.is_none());
+    (lists, FrameOutputs { radiance, unlit, parts, shadows, light_grid, motion, surface })
 }
 
 fn forward(
@@ -212,7 +264,7 @@ fn forward(
     passes: &Passes,
     frame: &mut Frame<'_>,
     inputs: &FrameInputs<'_>,
-    (rooms, shadow, indirect): (&FrameRooms<'_>, &mut ShadowRoom, &mut IndirectRooms),
+    (rooms, changing): (&FrameRooms<'_>, ChangingRooms<'_>),
 ) -> (DrawLists, FrameOutputs) {
     let group = inputs.group.group();
     let scene = &inputs.scene.gpu;
@@ -227,15 +279,18 @@ fn forward(
     let depth =
         needs_depth.then(|| passes.surfaces.record_visibility(frame, (group, scene), camera, rooms.surface));
     let shadow_inputs = shadow_inputs(passes, inputs, rooms, (&lists, depth.as_ref()), &settings.shadow);
-    let shadows = passes.shadows.record(frame, inputs.group, &shadow_inputs, shadow);
+    let shadows = passes.shadows.record(frame, inputs.group, &shadow_inputs, changing.shadow);
     let surface =
         wants_surface.then(|| passes.surfaces.record_resolve(frame, (group, scene), camera, rooms.surface));
     let light_grid = passes.direct.record_grid(frame, group, rooms.light);
+    let moved = opaque_motion(passes, frame, inputs, (rooms, &lists), changing.opaque_motion);
+    let indirect = changing.indirect;
     let gather_at = gathers_at(passes, inputs);
     let gathered = gather_at.zip(surface.as_ref()).map(|(at, surface)| {
         let views = (rooms.views, Some(&lists), CAMERA + 1);
         let seen = (&surface.depth, &surface.surface);
-        let light = VplInputs { at, shadows: &shadows, light_grid: Some(&light_grid), seen, views };
+        let (light_grid, motion) = (Some(&light_grid), moved.as_ref());
+        let light = VplInputs { at, shadows: &shadows, light_grid, seen, motion, views };
         indirect.record(frame, settings.seed, &light)
     });
     let gather_layer = indirect.layer_gatherer(gather_at);
@@ -259,7 +314,8 @@ fn forward(
             transparency.record(frame, (group, scene), camera, light, depth, (radiance, layers));
         }
     });
-    (lists, FrameOutputs { radiance, unlit, parts, shadows, light_grid, motion: None, surface })
+    let motion = moved.filter(|_| rooms.layers.is_none());
+    (lists, FrameOutputs { radiance, unlit, parts, shadows, light_grid, motion, surface })
 }
 
 /// Where virtual lights are gathered, if any are made.

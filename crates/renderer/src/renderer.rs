@@ -246,11 +246,12 @@ impl Renderer {
         check_view(view, size_px)?;
         let sampling = sampling.into();
         let smooths = sampling == Sampling::Moving && settings.smooths();
+        let accumulates = sampling == Sampling::Moving && settings.indirect.accumulates();
         let look = Look { scene, view, size_px, settings };
         let moves = sampling.moves().then(|| {
             let Rooms { motion, antialias, .. } = &state.rooms;
             let has_room = motion.is_some() && (antialias.is_some() || !smooths);
-            Moves::new(&look, has_room.then_some(&state.history.seen), smooths)
+            Moves::new(&look, has_room.then_some(&state.history.seen), [smooths, accumulates])
         });
         let (jitter_px, footprint_scale, round) = match sampling {
             Sampling::Single { jitter_px, footprint_scale, round } => (jitter_px, footprint_scale, round),
@@ -371,6 +372,9 @@ impl Renderer {
             layers: scene.gpu.see_through(),
             moves: moves.is_some(),
             around,
+            continues: moves.as_ref().is_some_and(|moves| moves.before.is_some()),
+            drift: moves.as_ref().map_or(0, Moves::drift),
+            allowed: moves.as_ref().and_then(|moves| moves.irradiance),
         };
         let indirect = gathers
             .then(|| {
@@ -405,6 +409,11 @@ impl Renderer {
         }
         if moves.is_some() {
             passes.motion_vectors.room(gpu, &self.pool, size_px, &mut rooms.motion);
+        }
+        if !scene.gpu.see_through() {
+            rooms.opaque_motion = None;
+        } else if accumulates {
+            passes.motion_vectors.room(gpu, &self.pool, size_px, &mut rooms.opaque_motion);
         }
         if let Some(antialias) = passes.antialias.as_ref().filter(|_| smooths) {
             antialias.room(gpu, &self.pool, (size_px, scene.gpu.unlit), &mut rooms.antialias);

@@ -37,6 +37,8 @@ pub(crate) struct Rooms {
     pub light: Option<LightRoom>,
     pub layers: Option<LayerRoom>,
     pub motion: Option<MotionRoom>,
+    // Of what is opaque, where see-through surfaces stand before it and indirect light is averaged.
+    pub opaque_motion: Option<MotionRoom>,
     pub antialias: Option<AntialiasRoom>,
     pub indirect: IndirectRooms,
     pub photons: Option<PhotonRoom>,
@@ -63,6 +65,7 @@ impl ViewState {
                 light: None,
                 layers: None,
                 motion: None,
+                opaque_motion: None,
                 antialias: None,
                 indirect: IndirectRooms::default(),
                 photons: None,

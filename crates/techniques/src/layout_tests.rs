@@ -9,6 +9,7 @@ use crate::caustics::photon_trace::CausticPass;
 use crate::environment::Lobe;
 use crate::frame::{FrameData, LightData, ShadowParameters, ShadowViewData};
 use crate::indirect::Vpl;
+use crate::indirect::accumulate::AccumulateData;
 use crate::indirect::bounces::BounceData;
 use crate::indirect::clusters::{Centre, ClusteringData};
 use crate::indirect::compensate::CompensateData;
@@ -292,12 +293,12 @@ fn rust_structs_equal_their_wesl_twins() {
         mode,
         by_view,
         turn,
-        chance,
+        fresh,
         stride,
         keeps_all,
-        reserved0,
-        reserved1,
-        reserved2,
+        seed,
+        drift,
+        reserved,
     );
     same!(
         place,
@@ -443,6 +444,14 @@ fn rust_structs_equal_their_wesl_twins() {
         history_scale,
         key,
         reserved,
+    );
+    same!(
+        &linked("indirect/accumulate/accumulate.cs.wesl"),
+        AccumulateData,
+        "Accumulate",
+        size_px,
+        frames,
+        history_scale,
     );
     same!(
         &linked("view/motion_vectors.cs.wesl"),

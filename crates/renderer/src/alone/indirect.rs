@@ -167,6 +167,9 @@ impl IndirectLight {
             layers: false,
             moves: true,
             around: Surroundings::default(),
+            continues: false,
+            drift: 0,
+            allowed: None,
         };
         let plan = self.rooms.plan((gpu, &self.pool), (passes, scene), settings, &wanted)?;
         self.notes.clear();
@@ -206,6 +209,7 @@ impl IndirectLight {
             shadows: &self.shadows,
             light_grid: None,
             seen: (&room.depth, &room.surface),
+            motion: None,
             views: (&self.views, lists.as_ref(), 0),
         };
         let gathered = self.rooms.record(&mut frame, settings.seed, &made_from);

@@ -3,11 +3,10 @@
 use glam::{Vec3, vec3};
 
 use super::{
-    shape::cuboid,
-    solid::Solid,
+    shape::{block, cuboid},
     stage::{Stage, spot},
 };
-use crate::{Id, Material, Scene};
+use crate::{Material, Scene};
 
 /// Inside width, height and depth, metres.
 const ROOM: Vec3 = vec3(2.4, 2.4, 2.4);
@@ -41,10 +40,4 @@ pub fn build() -> Scene {
     stage.camera("front", vec3(0.0, y / 2.0, 5.2), vec3(0.0, y / 2.0, 0.0), 34.5);
     stage.camera("corner", vec3(0.75, 1.75, 1.7), vec3(-0.4, 0.6, -0.6), 50.0);
     stage.scene
-}
-
-/// A block of this size standing at `at`, turned about the vertical.
-fn block(size: Vec3, turn_deg: f32, at: Vec3, material: Id) -> Solid {
-    let (lo, hi) = (vec3(-size.x / 2.0, 0.0, -size.z / 2.0), vec3(size.x / 2.0, size.y, size.z / 2.0));
-    cuboid(lo, hi, material).turned(turn_deg.to_radians()).moved(at)
 }

@@ -5,6 +5,7 @@ mod cornell;
 mod courtyard;
 mod curve;
 mod dancer;
+mod door;
 mod flight;
 mod flora;
 mod glass;
@@ -46,6 +47,7 @@ pub const SCENES: &[(&str, &str)] = &[
     ("grove", "Path along a fence under trees: leaves and grass cut out by alpha; 491,000 triangles"),
     ("dancer", "Cobra dancing out of its basket: skin and morph targets; 73,000 triangles"),
     ("flight", "The nave at dusk: a camera flies through it, a spot light searches; 88,000 triangles"),
+    ("door", "Two rooms: a door opens, and the lamp behind it lights the next room; 144 triangles"),
     ("cornell", "Cornell box with thick walls, two blocks and a spot light; 84 triangles"),
 ];
 
@@ -65,6 +67,7 @@ pub fn build(name: &str) -> Option<Scene> {
         "grove" => Some(grove::build()),
         "dancer" => Some(dancer::build()),
         "flight" => Some(flight::build()),
+        "door" => Some(door::build()),
         "cornell" => Some(cornell::build()),
         _ => None,
     }

@@ -123,6 +123,12 @@ pub fn prism(outline: &[Vec2], z0: f32, z1: f32, material: Id) -> Solid {
     loft(&[at(z0), at(z1)], 1.0, material).planar_uv()
 }
 
+/// A block of this size standing at `at`, turned about the vertical.
+pub fn block(size: Vec3, turn_deg: f32, at: Vec3, material: Id) -> Solid {
+    let (lo, hi) = (vec3(-size.x / 2.0, 0.0, -size.z / 2.0), vec3(size.x / 2.0, size.y, size.z / 2.0));
+    cuboid(lo, hi, material).turned(turn_deg.to_radians()).moved(at)
+}
+
 /// An axis-aligned box with planar texture coordinates.
 pub fn cuboid(lo: Vec3, hi: Vec3, material: Id) -> Solid {
     let outline = [vec2(lo.x, lo.y), vec2(hi.x, lo.y), vec2(hi.x, hi.y), vec2(lo.x, hi.y)];

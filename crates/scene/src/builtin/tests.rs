@@ -18,7 +18,7 @@ macro_rules! promises {
     };
 }
 
-promises!(nave courtyard terrain ring ball knot pool grove dancer flight cornell);
+promises!(nave courtyard terrain ring ball knot pool grove dancer flight door cornell);
 
 #[test]
 fn every_scene_is_listed_once_and_tested() {

@@ -16,9 +16,11 @@
 //! | virtual lights where those shine, by their maps | [`bounces`] | a frame, and a further bounce |
 //! | what bounding their nearness takes, where it is given back | [`compensate`] | a frame |
 //! | their light where the camera looks | [`gather`] | a frame, and a layer of see-through surfaces |
+//! | its mean over the frames of a moving picture | [`accumulate`] | a frame |
 //! | the same on what another program has drawn | [`foreign`] | a frame |
 //! | what all this looks like | [`pictures`] | where asked for |
 
+pub mod accumulate;
 pub mod bounces;
 pub mod clusters;
 pub mod compensate;

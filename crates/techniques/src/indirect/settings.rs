@@ -128,6 +128,11 @@ impl IndirectSettings {
         self.technique == Technique::Ism && self.shines()
     }
 
+    /// Whether frames of a moving picture average indirect light over time.
+    pub fn accumulates(&self) -> bool {
+        self.history > 0 && self.technique.makes_vpls()
+    }
+
     /// Whether what bounding nearness takes is given back.
     pub fn compensates(&self) -> bool {
         self.compensate && self.clamp > 0.0 && self.technique.makes_vpls()
@@ -232,6 +237,11 @@ settings! {
             only "indirect.technique=rsm|ism|traced and indirect.clamp!=0";
         /// Whether frames leave `indirect/clamp_loss`, the share of light that bounding nearness takes.
         clamp_loss: bool = false, "", (), Permutation,
+            only "indirect.technique=rsm|ism|traced";
+        /// Frames before that a moving picture's indirect light is averaged with at most, where they saw the same place. More are
+        /// calmer, fewer follow changes of less than a quarter sooner; where lamps and things move fewer count by themselves. 0 shows
+        /// each frame as it is. Stills average samples instead.
+        history: u32 = 32, "frames", 0..=64, Permutation,
             only "indirect.technique=rsm|ism|traced";
         /// What smooths interleaved light.
         filter: IrradianceFilter = IrradianceFilter::Edges, "", (), Permutation,

@@ -5,6 +5,7 @@ mod bounces;
 mod brdf;
 mod brdf_sample;
 mod bsdf_sample;
+mod calm;
 mod caustics;
 mod chi_square;
 mod clusters;

@@ -121,6 +121,7 @@ impl Maker {
             sources: None,
             clusters: self.clusters.as_ref(),
             compensate: None,
+            accumulate: None,
             pictures: None,
         }
     }

@@ -3,10 +3,10 @@
 //!
 //! | step | reads | writes | by |
 //! | --- | --- | --- | --- |
-//! | tiles, by view | `rsm`, lights, the picture's surface buffer | `tile_worths`: f32 | eight lanes each |
-//! | scan | `rsm`, those | `rsm_sums`: weights of all tiles up to each, then each's, f32 | a workgroup |
+//! | tiles, by view | `rsm`, lights, the picture's surface buffer, `tile_worths` of the frame before | `tile_worths`: f32, of a lumen | eight lanes each |
+//! | scan | `rsm`, those | `rsm_sums`: flux and worth of tiles, and their sums as a tree, two f32 each | a workgroup for 512 tiles, one for what is above |
 //! | place | those, lights | `candidates`: [`Vpl`]s, of flux 0 where nothing was found, whose `worths` are −1 | a lane each |
-//! | weigh, by view | those, the picture's surface buffer | `worths`: f32 | four lanes each |
+//! | weigh, by view | those, the picture's surface buffer | `worths`: f32, and the threshold of each | four lanes each |
 //! | choose | those | `vpls`; `vpl_count`: how many, and the mean of their fluxes by octaves | a workgroup |
 //!
 //! # Flux
@@ -19,17 +19,37 @@
 //! # By what they bring the picture
 //! w of a tile is its light on 16 × 16 pixels, none of them shadowed, no pixel nearer than half its own footprint; c of
 //! a candidate is the same. It is kept with the chance q = min(1, N (0.8 c / Σc + 0.2 / M')), M' of M lit, and carries Φ / q:
-//! unbiased whatever w and c are, because no chance is 0. Of all candidates one draw decides (systematic sampling, Madow & Madow
-//! 1944), from place to place in the maps, so that as many lights are kept as there are chances. With one candidate a light
-//! those that would bring less than their share are left out by chance: 781 of 1,024 remain in sponza, 960 in sibenik.
+//! unbiased whatever w and c are, because no chance is 0. With one candidate a light those that would bring less than their share
+//! are left out by chance.
+//!
+//! # Where they are from frame to frame
+//! A few lights that go elsewhere are not seen, many at once flicker (Laine et al. 2007, "Incremental Instant Radiosity for Real-Time
+//! Indirect Illumination"; Hedman et al. 2016, "Sequential Monte Carlo Instant Radiosity"). All follows from numbers that belong
+//! to places of the maps and stay:
+//!
+//! - A part of the tree of tiles that has n candidates gives its left half ⌊n p + u⌋ of them, p being that half's share of the weight
+//!   and u a number of the part's own. Each has what it is expected to in the mean, and to within about one; if p changes by
+//!   ε, one goes to the other side with the chance n ε, and the others stay. Summing up all weights and taking every so many of
+//!   them (systematic sampling) would shift all behind a change.
+//! - A candidate is kept where q passes a number of its tile's and its own. With more candidates than lights, how many are kept
+//!   differs by about √N, so that 2 √N fewer are wanted.
+//! - Its block of points follows from the tile, so that its shadow map is the same as before.
+//! - What a lumen of a tile brings the picture is a mean over frames, a tenth of it this one's: a camera that goes has other pilot
+//!   pixels each frame.
+//! - While lamps and things rest, the numbers u turn by 1/256 to 3/256 a frame ([`VplSet::drift`]), so that a few lights go at
+//!   a time and the mean over frames ([`super::accumulate`]) is that of several sets.
+//!
+//! Sets that a still averages have u turned by other shares for each level of the tree, so that together they are spread evenly
+//! as well.
 //!
 //! # Limits
 //! The chance is a whole number of 1/32768. What is known of the picture is 256 pixels without shadows: a candidate next
-//! to a pilot pixel is kept more often than it deserves, and carries less.
+//! to a pilot pixel is kept more often than it deserves, and carries less. Places belong to maps: lights of a lamp that moves go with
+//! it.
 //!
 //! # Cost
-//! 40 bytes a candidate, 32 a light, 8 a tile. 1,024 candidates or tiles' eighths × 256 pixels × 30 flop are 8 Mflop each; what takes
-//! time are five dispatches of 6 µs.
+//! 40 bytes a candidate, 32 a light, 20 a tile, up to twice as many where they are no power of two. 1,024 candidates or tiles' eighths × 256 pixels × 30 flop are 8 Mflop each; what takes
+//! time are six dispatches of 6 µs, and 13 to 20 steps down the tree for each candidate.
 
 use bytemuck::{Pod, Zeroable};
 use chiaro_gpu::wgpu::BufferUsages;
@@ -45,9 +65,17 @@ use super::slots::Slots;
 use super::vpl::Vpl;
 use crate::{Kit, Pass, shaders};
 
-const SUMS: ViewHint = ViewHint::new("Flux of reflective shadow maps up to each tile", Mapping::Number);
+/// Tiles whose sums a workgroup finds.
+const SCANNED: u32 = 512;
+/// A frame's share of what tiles are worth, the rest being that of the frames before.
+const FRESH: f32 = 0.1;
+
+const SUMS: ViewHint = ViewHint::new(
+    "Flux and worth of reflective shadow maps' tiles, and their sums as a tree",
+    Mapping::Number,
+);
 const TILE_WORTHS: ViewHint = ViewHint::new(
-    "What each tile of the reflective shadow maps would bring the picture, unshadowed",
+    "What a lumen of each tile of the reflective shadow maps would bring the picture, unshadowed",
     Mapping::Number,
 );
 const WORTHS: ViewHint =
@@ -66,12 +94,12 @@ pub(crate) struct SamplingData {
     pub(crate) mode: u32,
     pub(crate) by_view: u32,
     pub(crate) turn: [f32; 2],
-    pub(crate) chance: f32,
+    pub(crate) fresh: f32,
     pub(crate) stride: u32,
     pub(crate) keeps_all: u32,
-    pub(crate) reserved0: u32,
-    pub(crate) reserved1: u32,
-    pub(crate) reserved2: u32,
+    pub(crate) seed: u32,
+    pub(crate) drift: u32,
+    pub(crate) reserved: u32,
 }
 
 /// Candidates of these settings.
@@ -93,14 +121,28 @@ pub struct VplRoom {
     tile_worths: Buffer,
     candidates: Buffer,
     worths: Buffer,
-    chances: Buffer,
     slots: Slots,
     // Candidates, tiles.
     sizes: [u32; 2],
+    // Whether `tile_worths` holds any.
+    has_worths: bool,
+}
+
+/// Which set of virtual lights a frame has.
+#[derive(Clone, Copy, Debug)]
+pub struct VplSet {
+    /// What all is turned by.
+    pub seed: u32,
+    /// Its number among those that are averaged: each goes on where the one before ended.
+    pub round: u32,
+    /// Steps that frames of a moving picture have gone to other sets, few lights a step.
+    pub drift: u32,
+    /// Whether it goes on from the frame before.
+    pub continues: bool,
 }
 
 impl VplRoom {
-    /// f32: the flux of all tiles of the maps up to each, lumens; the last is that of all.
+    /// Two f32 each, flux and worth of the maps' tiles as a tree, see `sampling.wesl`; those of number 1 are of all, lumens.
     pub fn sums(&self) -> &Buffer {
         &self.sums
     }
@@ -115,7 +157,8 @@ impl VplRoom {
 #[derive(Debug)]
 pub struct Vpls {
     tiles: ComputePipeline,
-    scan: ComputePipeline,
+    // The tree's lower parts, and its upper ones.
+    scan: [ComputePipeline; 2],
     place: ComputePipeline,
     weigh: ComputePipeline,
     choose: ComputePipeline,
@@ -126,19 +169,21 @@ impl Pass for Vpls {
 
     fn compile(kit: &Kit, (): &()) -> Result<Self, GpuError> {
         let frame = std::slice::from_ref(&kit.frame_layout);
-        let make = |entry, with_frame: bool| {
+        let make = |entry, with_frame: bool, constants: &[_]| {
             let shared: Vec<_> = frame.iter().filter(|_| with_frame).collect();
-            ComputePipeline::new(&kit.gpu, &kit.library, &shaders::plain(entry), &shared, &[])
+            ComputePipeline::new(&kit.gpu, &kit.library, &shaders::plain(entry), &shared, constants)
         };
         let ((tiles, scan), (place, (weigh, choose))) = parallel::join(
             || {
-                let scan = || make("indirect/vpls/scan.cs.wesl", false);
-                parallel::join(|| make("indirect/vpls/tiles.cs.wesl", true), scan)
+                let of =
+                    |top| make("indirect/vpls/scan.cs.wesl", false, &[("TOP", f64::from(u8::from(top)))]);
+                let scan = || Ok([of(false)?, of(true)?]);
+                parallel::join(|| make("indirect/vpls/tiles.cs.wesl", true, &[]), scan)
             },
             || {
-                let choose = || make("indirect/vpls/choose.cs.wesl", false);
-                let weigh = || parallel::join(|| make("indirect/vpls/weigh.cs.wesl", true), choose);
-                parallel::join(|| make("indirect/vpls/place.cs.wesl", true), weigh)
+                let choose = || make("indirect/vpls/choose.cs.wesl", false, &[]);
+                let weigh = || parallel::join(|| make("indirect/vpls/weigh.cs.wesl", true, &[]), choose);
+                parallel::join(|| make("indirect/vpls/place.cs.wesl", true, &[]), weigh)
             },
         );
         Ok(Self { tiles: tiles?, scan: scan?, place: place?, weigh: weigh?, choose: choose? })
@@ -172,26 +217,31 @@ impl Vpls {
                     size_of::<SamplingData>() as u64,
                     BufferUsages::UNIFORM | BufferUsages::COPY_DST,
                 ),
-                sums: make("rsm_sums", 8 * tiles, storage).described(SUMS),
-                tile_worths: make("tile_worths", 4 * tiles, storage).described(TILE_WORTHS),
+                sums: make("rsm_sums", 16 * tiles.next_power_of_two().max(2), storage).described(SUMS),
+                tile_worths: Buffer::new(gpu, "tile_worths", Life::Kept, 4 * tiles, storage)
+                    .described(TILE_WORTHS),
                 candidates: make("vpl_candidates", candidates * each, storage),
-                worths: make("vpl_worths", 4 * candidates, storage).described(WORTHS),
-                chances: make("vpl_chances", 4 * candidates, storage),
+                worths: make("vpl_worths", 8 * candidates, storage).described(WORTHS),
                 slots,
                 sizes,
+                has_worths: false,
             }
         })
     }
 
-    /// Chooses virtual lights from the maps, for what a surface buffer's depth and surface show. `round` counts the frames of a still: each goes on where the one before ended.
+    /// Chooses virtual lights from the maps, for what a surface buffer's depth and surface show.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
-        (settings, seed, round): (&IndirectSettings, u32, u32),
+        (settings, set): (&IndirectSettings, VplSet),
         (group, (depth, surface)): (&Group, (&Texture, &Texture)),
         (plan, maps): (&RsmPlan, &RsmRoom),
-        room: &VplRoom,
+        room: &mut VplRoom,
     ) {
+        let VplSet { seed, round, drift, continues } = set;
+        let by_view = settings.sampling == VplSampling::View;
+        let evenly = settings.sampling == VplSampling::Halton;
+        let goes_on = continues && std::mem::replace(&mut room.has_worths, by_view);
         let data = SamplingData {
             tiles: plan.tiles(),
             views: plan.views.len() as u32,
@@ -199,15 +249,15 @@ impl Vpls {
             vpls: settings.vpls,
             round,
             first_block: round.wrapping_mul(room.slots.all()),
-            mode: u32::from(settings.sampling == VplSampling::Halton),
-            by_view: u32::from(settings.sampling == VplSampling::View),
+            mode: u32::from(evenly),
+            by_view: u32::from(by_view),
             turn: [turn(seed, 0), turn(seed, 1)],
-            chance: turn(seed.wrapping_add(round.wrapping_mul(0x9e37_79b9)), 2),
+            fresh: if goes_on { FRESH } else { 1.0 },
             stride: stride(plan.views.len(), candidates(settings)),
-            keeps_all: u32::from(settings.sampling != VplSampling::View),
-            reserved0: 0,
-            reserved1: 0,
-            reserved2: 0,
+            keeps_all: u32::from(!by_view),
+            seed,
+            drift,
+            reserved: 0,
         };
         frame.upload(&room.uniform, &[data]);
         if data.views == 0 {
@@ -223,7 +273,6 @@ impl Vpls {
         let each = Dispatch::Threads([data.candidates, 1, 1]);
         let views = ("rsm_views", (&maps.views).into());
         let seen = [("depth", depth.into()), ("surface", surface.into())];
-        let by_view = settings.sampling == VplSampling::View;
         // Without them something stands in their place that nobody reads.
         let tile_worths = if by_view { (&room.tile_worths).into() } else { rsm.1 };
         let tile_worths = ("tile_worths", tile_worths);
@@ -232,7 +281,12 @@ impl Vpls {
             let shares = Dispatch::Threads([8 * data.tiles, 1, 1]);
             frame.compute("indirect/vpl_tiles", &self.tiles, &[group], &binds, shares);
         }
-        frame.compute("indirect/vpl_scan", &self.scan, &[], &[sampling, rsm, tile_worths, sums], one);
+        let binds = [sampling, rsm, tile_worths, sums];
+        let below = Dispatch::Groups([data.tiles.next_power_of_two().div_ceil(SCANNED), 1, 1]);
+        frame.compute("indirect/vpl_scan", &self.scan[0], &[], &binds, below);
+        if data.tiles > SCANNED {
+            frame.compute("indirect/vpl_scan", &self.scan[1], &[], &binds, one);
+        }
         let binds = [sampling, rsm, sums, views, candidates, worths];
         frame.compute("indirect/vpl_place", &self.place, &[group], &binds, each);
         if data.keeps_all == 0 {
@@ -244,7 +298,6 @@ impl Vpls {
             sampling,
             candidates,
             worths,
-            ("chances", (&room.chances).into()),
             ("vpls", (&room.vpls).into()),
             ("vpl_count", (&room.count).into()),
         ];

@@ -2,6 +2,7 @@
 
 mod filter;
 mod sight;
+mod steady;
 mod sums;
 
 use chiaro_techniques::indirect::SETS;

@@ -28,10 +28,12 @@ struct Sampling {
     mode: u32,
     by_view: u32,
     turn: [f32; 2],
-    chance: f32,
+    fresh: f32,
     stride: u32,
     keeps_all: u32,
-    reserved: [u32; 3],
+    seed: u32,
+    drift: u32,
+    reserved: u32,
 }
 
 /// Settings with virtual lights that shine through everything, and some changed.

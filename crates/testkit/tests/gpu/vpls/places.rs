@@ -12,9 +12,17 @@ use chiaro_techniques::shaders;
 use chiaro_testkit::{Bench, Stage, device, device_guaranteed};
 use glam::Vec3;
 
-/// How often each texel of some weights is chosen, of 65,536 candidates, over some turns of the sequence; by what tiles bring
-/// the picture, where that is told.
-fn counted(views: &[RsmViewData], weights: &[f32], worths: Option<&[f32]>, turns: &[f32]) -> Vec<u32> {
+/// A set of candidates: its number, and steps it has drifted.
+type Set = (u32, u32);
+
+/// How often each texel of some weights is chosen, of so many candidates, in some sets; by what a lumen of tiles brings the
+/// picture, where that is told.
+fn counted(
+    views: &[RsmViewData],
+    weights: &[f32],
+    worths: Option<&[f32]>,
+    (count, sets): (u32, &[Set]),
+) -> Vec<u32> {
     let gpu = device_guaranteed();
     let bench = Bench::new(&gpu);
     let tiles = views[0].tiles;
@@ -26,26 +34,26 @@ fn counted(views: &[RsmViewData], weights: &[f32], worths: Option<&[f32]>, turns
         .extend((0..).zip(weights).flat_map(|(i, weight)| [0.5f32.to_bits(), i, u32::MAX, weight.to_bits()]));
     let rsm = bench.buffer("rsm", &words);
     let of_views = bench.buffer("rsm_views", views);
-    let count = 65_536u32;
     let make = |name, bytes| Buffer::new(&gpu, name, Life::Kept, bytes, BufferUsages::STORAGE);
-    let sums = make("rsm_sums", 8 * u64::from(tiles));
+    let sums = make("rsm_sums", 16 * u64::from(tiles.next_power_of_two()));
     let tile_worths = bench.buffer("tile_worths", worths.unwrap_or(&[0.0]));
-    let of_candidates = make("worths", 4 * u64::from(count));
+    let of_candidates = make("worths", 8 * u64::from(count));
     let candidates = make("candidates", u64::from(count) * size_of::<Vpl>() as u64);
     let frame_layout = &bench.kit.frame_layout;
-    let pipeline = |entry, layouts: &[_]| {
-        ComputePipeline::new(&gpu, &bench.kit.library, &shaders::plain(entry), layouts, &[]).unwrap()
+    let pipeline = |entry, layouts: &[_], constants: &[_]| {
+        ComputePipeline::new(&gpu, &bench.kit.library, &shaders::plain(entry), layouts, constants).unwrap()
     };
-    let scan = pipeline("indirect/vpls/scan.cs.wesl", &[]);
-    let place = pipeline("indirect/vpls/place.cs.wesl", &[frame_layout]);
+    let scan = [0.0, 1.0].map(|top| pipeline("indirect/vpls/scan.cs.wesl", &[], &[("TOP", top)]));
+    let place = pipeline("indirect/vpls/place.cs.wesl", &[frame_layout], &[]);
     let mut found = vec![0; weights.len()];
     let mut recorder = Recorder::new(&gpu, false);
-    for &turn in turns {
+    for &(round, drift) in sets {
         let data = Sampling {
             tiles,
             views: views.len() as u32,
             candidates: count,
-            turn: [turn, 0.0],
+            round,
+            drift,
             stride: 1,
             by_view: u32::from(worths.is_some()),
             ..Sampling::default()
@@ -57,7 +65,9 @@ fn counted(views: &[RsmViewData], weights: &[f32], worths: Option<&[f32]>, turns
         bench.frame.upload(&mut frame, &Zeroable::zeroed(), &[lit], &[]);
         let tile_worths = ("tile_worths", (&tile_worths).into());
         let binds = [sampling, ("rsm", (&rsm).into()), ("rsm_sums", (&sums).into()), tile_worths];
-        frame.compute("test/scan", &scan, &[], &binds, Dispatch::Groups([1, 1, 1]));
+        let below = Dispatch::Groups([tiles.next_power_of_two().div_ceil(512), 1, 1]);
+        frame.compute("test/scan", &scan[0], &[], &binds, below);
+        frame.compute("test/scan", &scan[1], &[], &binds, Dispatch::Groups([1, 1, 1]));
         let binds = [
             sampling,
             ("rsm", (&rsm).into()),
@@ -81,6 +91,7 @@ fn counted(views: &[RsmViewData], weights: &[f32], worths: Option<&[f32]>, turns
 
 #[test]
 fn texels_are_chosen_as_often_as_their_weights_say() {
+    const MANY: u32 = 65_536;
     // Three suns, of which one has no power of two texels a side.
     let suns = [LightData { direction_ws: [0.0, -1.0, 0.0], intensity: [1.0; 3], ..Zeroable::zeroed() }; 3];
     let bounds = (Vec3::NEG_ONE, Vec3::ONE);
@@ -97,7 +108,7 @@ fn texels_are_chosen_as_often_as_their_weights_say() {
             if lit { random.within(0.0, 1.0).powi(8) * 40.0 } else { 0.0 }
         })
         .collect();
-    let turns = [0.0, 0.1234, 0.777_77];
+    let sets = [(0, 0), (1, 0), (7, 300)];
     // Worths have nothing to do with weights, but for being 0 where there is no light.
     let worth_of = |i: usize| if i.is_multiple_of(7) || i % 5 == 1 { 0.0 } else { (i % 11) as f32 };
     let worths: Vec<_> = (0..texels / TILE_TEXELS).map(worth_of).collect();
@@ -105,21 +116,25 @@ fn texels_are_chosen_as_often_as_their_weights_say() {
         weights.chunks(TILE_TEXELS).map(|tile| tile.iter().map(|weight| f64::from(*weight)).sum()).collect();
     let (total, worth) = (fluxes.iter().sum::<f64>(), worths.iter().copied().map(f64::from).sum::<f64>());
     for by in [None, Some(&worths[..])] {
-        let found = counted(&views, &weights, by, &turns);
+        let of_a_lumen: Option<Vec<f32>> = by.map(|worths| {
+            let each = worths.iter().zip(&fluxes);
+            each.map(|(worth, flux)| if *flux > 0.0 { worth / *flux as f32 } else { -1.0 }).collect()
+        });
+        let found = counted(&views, &weights, of_a_lumen.as_deref(), (MANY, &sets));
         let expected = |i: usize| {
             let (tile, weight) = (i / TILE_TEXELS, f64::from(weights[i]));
             let by_worth = by.map(|worths| {
                 let chance = 0.8 * f64::from(worths[tile]) / worth + 0.2 * fluxes[tile] / total;
                 chance * weight / fluxes[tile].max(f64::MIN_POSITIVE)
             });
-            turns.len() as f64 * 65_536.0 * by_worth.unwrap_or(weight / total)
+            sets.len() as f64 * f64::from(MANY) * by_worth.unwrap_or(weight / total)
         };
         let expected: Vec<_> = (0..texels).map(expected).collect();
         for (i, (&found, &weight)) in found.iter().zip(&weights).enumerate() {
             assert!(weight > 0.0 || found == 0, "{i} has no light");
-            // Each of 65,536 cells of the sequence has one: a run of it all whole ones and two parts at most; sums round.
+            // Of each of two halves of the candidates a tile has its share to within two, and a texel of those to within two.
             let off = (f64::from(found) - expected[i]).abs();
-            assert!(off <= 2.5 * turns.len() as f64, "{i}: {found}, not {}", expected[i]);
+            assert!(off <= 6.0 * sets.len() as f64, "{i}: {found}, not {}", expected[i]);
         }
         let cells = found.iter().zip(&expected).map(|(&found, &expected)| (f64::from(found), expected));
         assert_drawn_as_expected(cells, &format!("texels by {by:?}"));
@@ -134,8 +149,59 @@ fn a_single_lit_texel_is_always_found() {
     for at in [0, 63, 64, 2000, 4095] {
         let mut weights = vec![0.0; 4096];
         weights[at] = 3e-7;
-        assert_eq!(counted(&views, &weights, None, &[0.0, 0.99])[at], 2 * 65_536);
+        assert_eq!(counted(&views, &weights, None, (65_536, &[(0, 0), (3, 5)]))[at], 2 * 65_536);
     }
+}
+
+#[test]
+fn few_candidates_are_where_they_are_expected_over_many_sets_and_few_move_from_step_to_step() {
+    const FEW: u32 = 32;
+    const SETS: u32 = 2048;
+    let sun = LightData { direction_ws: [0.0, -1.0, 0.0], intensity: [1.0; 3], ..Zeroable::zeroed() };
+    let views: Vec<_> =
+        fit(&[sun], ((Vec3::NEG_ONE, Vec3::ONE), &[]), 64, 0).iter().map(|view| view.data).collect();
+    let mut random = Random::new(4);
+    // One lit texel a tile, so that texels are tiles.
+    let of_tile: Vec<_> = (0..64).map(|_| random.within(0.0, 1.0).powi(3)).collect();
+    let weights: Vec<_> = (0..4096).map(|i| if i % 64 == 5 { of_tile[i / 64] } else { 0.0 }).collect();
+    let sets: Vec<_> = (0..SETS).map(|round| (round, 0)).collect();
+    let found = counted(&views, &weights, None, (FEW, &sets));
+    let total: f32 = of_tile.iter().sum();
+    let expected = |tile: usize| f64::from(SETS * FEW) * f64::from(of_tile[tile] / total);
+    for tile in 0..64 {
+        let (found, expected) = (f64::from(found[tile * 64 + 5]), expected(tile));
+        // A set has its share to within one; three deviations if sets had nothing in common, and they have.
+        let off = 3.0 * (f64::from(SETS) * 0.25).sqrt() + 0.02 * expected;
+        assert!((found - expected).abs() < off, "tile {tile}: {found}, not {expected}");
+    }
+    // From one step to the next most stay; after many, few have.
+    let at = |drift| counted(&views, &weights, None, (FEW, &[(0, drift)]));
+    let moved = |a: &[u32], b: &[u32]| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).sum::<u32>() / 2;
+    let steps: Vec<_> = (0..8).map(at).collect();
+    let mean = steps.windows(2).map(|pair| moved(&pair[0], &pair[1])).sum::<u32>() / 7;
+    let far = moved(&steps[0], &at(64));
+    assert!(mean <= FEW / 8 && far >= FEW / 4, "{mean} move a step, {far} in 64");
+}
+
+#[test]
+fn when_weights_change_a_little_few_candidates_move() {
+    const MANY: u32 = 1024;
+    let sun = LightData { direction_ws: [0.0, -1.0, 0.0], intensity: [1.0; 3], ..Zeroable::zeroed() };
+    let views: Vec<_> =
+        fit(&[sun], ((Vec3::NEG_ONE, Vec3::ONE), &[]), 256, 0).iter().map(|view| view.data).collect();
+    // More tiles than one workgroup sums up.
+    assert_eq!(views[0].tiles, 1024);
+    let mut random = Random::new(5);
+    let weights: Vec<_> = (0..65_536).map(|_| random.within(0.5, 1.0)).collect();
+    // The first half of the map gets 2 % brighter: 1 % of all candidates are to be elsewhere.
+    let mut brighter = weights.clone();
+    brighter[..32_768].iter_mut().for_each(|weight| *weight *= 1.02);
+    let tiles = |weights: &[f32]| -> Vec<u32> {
+        counted(&views, weights, None, (MANY, &[(0, 0)])).chunks(64).map(|tile| tile.iter().sum()).collect()
+    };
+    let (before, after) = (tiles(&weights), tiles(&brighter));
+    let moved = before.iter().zip(&after).map(|(a, b)| a.abs_diff(*b)).sum::<u32>() / 2;
+    assert!(moved <= MANY / 40, "{moved} of {MANY} went elsewhere");
 }
 
 /// A floor with a box on it, in a hall, and lights of different colours.

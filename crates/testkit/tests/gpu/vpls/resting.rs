@@ -40,21 +40,28 @@ impl Film {
 
     /// Flux of each map, and how many of them a frame drew.
     fn frame(&mut self) -> ([f64; 2], usize) {
-        let view = View::look_at(Vec3::new(0.0, 3.0, 4.0), Vec3::ZERO, 0.9, 0.05);
+        let (words, drawn) = self.words("indirect/rsm", Vec3::new(0.0, 3.0, 4.0));
+        let tile = |i: usize| f64::from(f32::from_bits(words[i]));
+        ([0, 64].map(|first| (first..first + 64).map(tile).sum()), drawn)
+    }
+
+    /// What a frame seen from a place leaves in a buffer, and how many maps it drew.
+    fn words(&mut self, name: &str, eye: Vec3) -> (Vec<u32>, usize) {
+        let view = View::look_at(eye, Vec3::ZERO, 0.9, 0.05);
         let Self { studio, loaded, state, recorder } = self;
         let prepared =
             studio.renderer().prepare(state, loaded, &view, SIZE, chiaro::Sampling::Moving).unwrap();
         let mut frame = recorder.begin();
         prepared.record(&mut frame, true);
-        let rsm = frame.resources().find(|resource| resource.name.to_string() == "indirect/rsm").unwrap();
+        let found = frame.resources().find(|resource| resource.name.to_string() == name).unwrap();
         frame.submit();
-        let Handle::Buffer(rsm) = &rsm.handle else { panic!("a buffer") };
+        let Handle::Buffer(buffer) = &found.handle else { panic!("a buffer") };
         let gpu = studio.renderer().gpu();
-        let bytes = BufferReadback::start(gpu, rsm).wait(gpu).unwrap();
-        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
-        let tile = |i: usize| f64::from(f32::from_bits(words[i]));
-        let flux = [0, 64].map(|first| (first..first + 64).map(tile).sum());
-        (flux, recorder.log().iter().filter(|pass| pass.name == "indirect/rsm").count())
+        let bytes = BufferReadback::start(gpu, buffer).wait(gpu).unwrap();
+        (
+            bytemuck::pod_collect_to_vec(&bytes),
+            recorder.log().iter().filter(|pass| pass.name == "indirect/rsm").count(),
+        )
     }
 
     fn dim(&mut self, scene: &mut Scene, candelas: [f32; 2]) {
@@ -132,4 +139,29 @@ fn of_two_lights_that_change_one_is_drawn_a_frame_in_turn() {
     }
     // At rest what waited is drawn, then nothing.
     assert_eq!([film.frame().1, film.frame().1], [1, 0]);
+}
+
+#[test]
+fn most_virtual_lights_stay_where_they_are_while_the_camera_goes() {
+    let changes = [("indirect.vpls", "256"), ("indirect.rsm_resolution", "256"), ("indirect.history", "0")];
+    let mut stage = Stage { scene: two() };
+    let grey = stage.lambert(0.5);
+    stage.quad(Vec3::new(0.0, 1.0, -1.0), Vec3::X * 3.0, Vec3::Y, grey);
+    let mut film = Film::new(&stage.scene, &changes);
+    let mut places = |step: u16| {
+        let eye = Vec3::new(0.4 * f32::from(step), 3.0, 4.0);
+        let count = film.words("indirect/vpl_count", eye).0[0] as usize;
+        let (words, _) = film.words("indirect/vpls", eye);
+        let all = words.chunks(8).take(count).map(|vpl| [vpl[0], vpl[1], vpl[2], vpl[7] & 0xffff]);
+        all.collect::<std::collections::HashSet<_>>()
+    };
+    let all: Vec<_> = (0..12).map(&mut places).collect();
+    let (mut stayed, mut of) = (0, 0);
+    for pair in all.windows(2) {
+        stayed += pair[1].intersection(&pair[0]).count();
+        of += pair[1].len();
+    }
+    // With their blocks of points.
+    assert!(stayed as f64 > 0.9 * of as f64, "{stayed} of {of} stay");
+    assert!(all[11].intersection(&all[0]).count() < all[0].len(), "{stayed} of {of} stay");
 }
