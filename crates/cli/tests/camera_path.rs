@@ -5,12 +5,12 @@ mod program;
 
 use std::process::{Command, Output};
 
-use program::{assert_fails, folder, text};
+use program::{assert_fails, cheap, folder, text};
 
 fn bench(arguments: &[&str]) -> Output {
     let fast = ["--size", "16x12", "--set", "shadow.resolution=64"];
-    let arguments = [&["bench"], arguments, &fast[..]].concat();
-    Command::new(env!("CARGO_BIN_EXE_chiaro")).args(arguments).output().unwrap()
+    let arguments = [&["bench"], &fast[..], arguments].concat();
+    Command::new(env!("CARGO_BIN_EXE_chiaro")).args(cheap(&arguments)).output().unwrap()
 }
 
 #[test]

@@ -8,10 +8,10 @@ use std::process::{Command, Output};
 
 use chiaro_image::{Image, Precision, read, write_exr};
 
-use program::{assert_fails, text};
+use program::{assert_fails, cheap, text};
 
 fn chiaro(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_chiaro")).args(arguments).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_chiaro")).args(cheap(arguments)).output().unwrap()
 }
 
 fn image(name: &str, width: u32, height: u32, value: f32) -> String {

@@ -8,12 +8,17 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
-use program::{assert_fails, folder, text};
+use program::{assert_fails, cheap, folder, text};
 
 /// With a cache of its own in the folder.
 fn chiaro(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_chiaro"));
-    command.env("CHIARO_CACHE", folder.join("cache")).current_dir(folder).args(arguments).output().unwrap()
+    command
+        .env("CHIARO_CACHE", folder.join("cache"))
+        .current_dir(folder)
+        .args(cheap(arguments))
+        .output()
+        .unwrap()
 }
 
 #[track_caller]

@@ -7,10 +7,10 @@ use std::process::{Command, Output};
 use chiaro_image::{Image, Precision, write_exr};
 use serde_json::Value;
 
-use program::{assert_fails, folder, text};
+use program::{assert_fails, cheap, folder, text};
 
 fn chiaro(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_chiaro")).args(arguments).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_chiaro")).args(cheap(arguments)).output().unwrap()
 }
 
 /// A folder of flat images of these names and values.

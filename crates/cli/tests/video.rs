@@ -27,6 +27,7 @@ fn command(folder: &Path, arguments: &[&str]) -> Command {
     let moving = moving::write(folder);
     let mut command = Command::new(env!("CARGO_BIN_EXE_chiaro"));
     command.args(["render", &moving, "--samples", "1", "--set", "shadow.resolution=64"]);
+    command.args(["--set", "indirect.technique=ambient"]);
     command.args(arguments).env("PATH", folder).current_dir(folder);
     command
 }

@@ -244,8 +244,7 @@ impl Settings {
 
     /// Whether glowing meshes light others, so that a scene with some has light.
     pub fn lit_by_glow(&self) -> bool {
-        let technique = self.indirect.technique.resolved();
-        IndirectSettings { technique, ..self.indirect.clone() }.shines()
+        self.indirect.shines()
     }
 
     /// Whether any technique shoots rays through the scene's trees.
@@ -260,7 +259,9 @@ impl Settings {
 
     /// Which points of a scene imperfect shadow maps are drawn from, where settings ask for some.
     pub fn points(&self) -> Option<PointOptions> {
-        (self.indirect.technique == Technique::Ism)
+        self.indirect
+            .technique
+            .makes_ism()
             .then_some(PointOptions { points: self.indirect.points, seed: self.seed })
     }
 

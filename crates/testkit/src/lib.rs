@@ -20,5 +20,5 @@ pub use exact::{Exact, Hit};
 pub use files::{assets, reference, skipped};
 pub use golden::{Tolerance, assert_golden};
 pub use stage::{Stage, camera_above, place_below};
-pub use studio::{Studio, direct, nmae};
+pub use studio::{Studio, ambient, direct, nmae};
 pub use truth::Truth;

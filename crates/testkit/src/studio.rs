@@ -19,6 +19,17 @@ pub fn direct(changes: &[(&str, &str)]) -> Settings {
     settings
 }
 
+/// Default settings but for indirect light, whose default takes a second a frame without a GPU, however small the picture: for
+/// tests of other things.
+///
+/// # Panics
+/// When there is no such key or value.
+pub fn ambient() -> Settings {
+    let mut settings = Settings::default();
+    need(settings.set("indirect.technique", "ambient"));
+    settings
+}
+
 /// A renderer and the pictures it takes.
 #[derive(Debug)]
 pub struct Studio {

@@ -28,10 +28,10 @@ impl fmt::Display for Source {
 
 /// What indirect light is made from: the digits 7, 8, 9 and 0 choose it, whatever else there is; and when there is any.
 const OF_INDIRECT: [(&str, &str); 4] = [
-    ("rsm_picture", "indirect.technique=rsm|ism|traced"),
-    ("ism_after", "indirect.technique=ism"),
-    ("vpl_picture", "indirect.technique=rsm|ism|traced"),
-    ("discontinuities", "indirect.technique=rsm|ism|traced and indirect.filter=discontinuity"),
+    ("rsm_picture", "indirect.technique=auto|rsm|ism|traced"),
+    ("ism_after", "indirect.technique=auto|ism"),
+    ("vpl_picture", "indirect.technique=auto|rsm|ism|traced"),
+    ("discontinuities", "indirect.technique=auto|rsm|ism|traced and indirect.filter=discontinuity"),
 ];
 /// Digits before them, which choose the first quantities.
 const QUANTITIES: usize = 6;

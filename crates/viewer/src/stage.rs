@@ -33,19 +33,25 @@ pub struct Request {
     pub environment: Option<String>,
     /// Nothing may stand in for what is missing: [`LoadOptions::strict`].
     pub strict: bool,
+    /// Glowing meshes are lights, so that a scene with some gets no sun: [`Settings::lit_by_glow`](chiaro::Settings::lit_by_glow).
+    pub glow_lights: bool,
 }
 
 /// Reads a scene from its file.
 ///
 /// # Errors
 /// When it, or the picture of its surroundings, cannot be read.
-pub fn read(Request { source, environment, strict }: &Request) -> Result<Scene, Error> {
+pub fn read(Request { source, environment, strict, glow_lights }: &Request) -> Result<Scene, Error> {
     let options = LoadOptions { strict: *strict, ..LoadOptions::default() };
     let mut scene = source.load(&options)?;
     if let Some(file) = environment {
         scene.environment = Some(chiaro::environment::load(file, &mut scene.warnings)?);
     }
-    scene.add_default_view();
+    if *glow_lights {
+        scene.add_default_view_to_trace();
+    } else {
+        scene.add_default_view();
+    }
     let eye = View::from_scene(&scene, 0).map(|view| view.eye_ws().as_dvec3() + scene.origin);
     scene.settle(eye);
     Ok(scene)

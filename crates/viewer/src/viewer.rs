@@ -237,7 +237,12 @@ impl Viewer {
         let truth = Truth::new(gpu, options.truth_samples, move || wake.request_repaint());
         let environment = options.environment.map(|path| path.to_string_lossy().into_owned());
         let strict = options.strict;
-        let request = Request { source: options.scene.clone(), environment: environment.clone(), strict };
+        let request = Request {
+            source: options.scene.clone(),
+            environment: environment.clone(),
+            strict,
+            glow_lights: options.settings.lit_by_glow(),
+        };
         start(&mut jobs, gpu, &options.settings, request);
         let mut viewer = Self {
             gpu: gpu.clone(),
@@ -320,7 +325,8 @@ impl Viewer {
     /// How that scene is loaded.
     fn request(&self, source: &Source) -> Request {
         let (environment, strict) = (self.environment.clone(), self.strict);
-        Request { source: source.clone(), environment, strict }
+        let glow_lights = self.wanted.lit_by_glow();
+        Request { source: source.clone(), environment, strict, glow_lights }
     }
 
     /// Settings as the panel shows them; they are in force once what they need is compiled.

@@ -9,6 +9,7 @@ use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use chiaro_testkit::ambient;
 use chiaro_viewer::{Options, Shell, Wake};
 use winit::application::ApplicationHandler;
 use winit::dpi::PhysicalSize;
@@ -72,7 +73,12 @@ fn a_window_opens_shows_scene_and_panel_and_survives_resizes() {
 #[ignore = "is started by the test above, on a display of its own"]
 fn the_window_itself() {
     let event_loop = EventLoop::<Wake>::with_user_event().with_x11().with_any_thread(true).build().unwrap();
-    let options = Options { scene: "builtin:cornell".into(), size: [520, 360], ..Options::default() };
+    let options = Options {
+        scene: "builtin:cornell".into(),
+        settings: ambient(),
+        size: [520, 360],
+        ..Options::default()
+    };
     let shell = Shell::new(&event_loop, options);
     let mut driver = Driver { shell, start: Instant::now(), sizes: SIZES.to_vec(), seen: 0 };
     event_loop.run_app(&mut driver).unwrap();

@@ -28,3 +28,13 @@ pub fn folder(tests: &str, name: &str) -> PathBuf {
     std::fs::create_dir_all(&path).unwrap();
     path
 }
+
+/// Arguments of a command with which its frames are cheap: indirect light as it is by default takes a second a frame without a
+/// GPU, however small the picture is. What the arguments set wins.
+#[allow(dead_code)]
+pub fn cheap<'a>(arguments: &[&'a str]) -> Vec<&'a str> {
+    let (command, rest) = arguments.split_at(1.min(arguments.len()));
+    let draws = matches!(command, ["render" | "bench" | "compare"]);
+    let light: &[_] = if draws { &["--set", "indirect.technique=ambient"] } else { &[] };
+    [command, light, rest].concat()
+}

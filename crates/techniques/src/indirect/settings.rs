@@ -5,7 +5,7 @@ use crate::{choice, settings};
 choice! {
     /// Where indirect light comes from.
     pub enum Technique {
-        /// What is known to be right on every adapter and in every scene: ambient, so far.
+        /// What is right on every adapter and in every scene: ism.
         Auto = "auto",
         /// A far environment as bright as the scene's lights would make a grey room of its size, brighter on the side
         /// that they shine at.
@@ -32,12 +32,17 @@ impl Technique {
     /// With nothing left open.
     #[must_use]
     pub fn resolved(self) -> Self {
-        if self == Self::Auto { Self::Ambient } else { self }
+        if self == Self::Auto { Self::Ism } else { self }
     }
 
     /// Whether virtual point lights are made.
     pub fn makes_vpls(self) -> bool {
-        matches!(self, Self::Rsm | Self::Ism | Self::Traced)
+        matches!(self.resolved(), Self::Rsm | Self::Ism | Self::Traced)
+    }
+
+    /// Whether they have imperfect shadow maps.
+    pub fn makes_ism(self) -> bool {
+        self.resolved() == Self::Ism
     }
 }
 
@@ -99,7 +104,7 @@ impl IndirectSettings {
 
     /// Bounces that are made: imperfect shadow maps alone know what virtual lights shine at.
     pub fn made_bounces(&self) -> u32 {
-        if self.technique == Technique::Ism { self.bounces.clamp(1, Self::MOST_BOUNCES) } else { 1 }
+        if self.technique.makes_ism() { self.bounces.clamp(1, Self::MOST_BOUNCES) } else { 1 }
     }
 
     /// Virtual lights of the first bounce that shine: clusters of those that are placed, or these.
@@ -125,7 +130,7 @@ impl IndirectSettings {
 
     /// Whether virtual lights on what shines itself make others where they shine: imperfect shadow maps alone tell where.
     pub fn scatters(&self) -> bool {
-        self.technique == Technique::Ism && self.shines()
+        self.technique.makes_ism() && self.shines()
     }
 
     /// Whether frames of a moving picture average indirect light over time.
@@ -148,104 +153,104 @@ settings! {
         technique: Technique = Technique::Auto, "", (), Permutation;
         /// Virtual lights. More make light smoother and its shadows finer, and cost memory and time in proportion.
         vpls: u32 = 1024, "", 1..=65_535, Resources,
-            only "indirect.technique=rsm|ism|traced";
+            only "indirect.technique=auto|rsm|ism|traced";
         /// Clusters of virtual lights that shine in their place, where they are fewer; 0 makes none. Shadow maps and gathering then cost
         /// as for so many, and `indirect.vpls` may be several times as many at little cost; their maps have twice as many texels a
         /// side, up to 256. Fewer blur light and its shadows.
         clusters: u32 = 0, "", 0..=65_535, Resources,
-            only "indirect.technique=rsm|ism|traced";
+            only "indirect.technique=auto|rsm|ism|traced";
         /// How much lights' places count for which cluster they are in, of the radius that a cluster has on average. More makes
         /// clusters rounder.
         cluster_position as "cluster.position": f32 = 1.0, "", 0.0..=64.0, Uniform,
-            only "indirect.technique=rsm|ism|traced and indirect.clusters!=0";
+            only "indirect.technique=auto|rsm|ism|traced and indirect.clusters!=0";
         /// How much their normals count. More keeps what looks elsewhere in other clusters.
         cluster_normal as "cluster.normal": f32 = 2.0, "", 0.0..=64.0, Uniform,
-            only "indirect.technique=rsm|ism|traced and indirect.clusters!=0";
+            only "indirect.technique=auto|rsm|ism|traced and indirect.clusters!=0";
         /// Bounces of light. The second has a quarter of the virtual lights, each further one half as many, and each draws shadow
         /// maps of its own: with two lights cost a quarter more, with many half as much again.
         bounces: u32 = 1, "", 1..=8, Permutation,
-            only "indirect.technique=ism";
+            only "indirect.technique=auto|ism";
         /// Virtual lights on what shines itself: glowing meshes, environment and sky, whose light is then shadowed; with ism there
         /// are a quarter of indirect.vpls more where they shine. More make such shadows finer and smoother. With 0 the
         /// surroundings' light is not shadowed, and glowing meshes light nothing.
         sources: u32 = 128, "", 0..=4096, Permutation,
-            only "indirect.technique=rsm|ism|traced";
+            only "indirect.technique=auto|rsm|ism|traced";
         /// Where virtual lights are put.
         sampling: VplSampling = VplSampling::View, "", (), Uniform,
-            only "indirect.technique=rsm|ism|traced";
+            only "indirect.technique=auto|rsm|ism|traced";
         /// Candidates for each virtual light that may be kept. More leave out less of those that are asked for, and find
         /// little better ones.
         candidates: u32 = 1, "", 1..=16, Resources,
-            only "indirect.technique=rsm|ism|traced and indirect.sampling=view";
+            only "indirect.technique=auto|rsm|ism|traced and indirect.sampling=view";
         /// Texels a side of a light's reflective shadow map; those of a point light's six faces have half as many. More place
         /// virtual lights finer, and cost 16 bytes a texel.
         rsm_resolution: u32 = 512, "texels", 64..=2048, Resources,
-            only "indirect.technique=rsm|ism|traced";
+            only "indirect.technique=auto|rsm|ism|traced";
         /// Reflective shadow maps drawn a frame at most, when lights or things move; the others wait for their turn. More
         /// follow motion sooner.
         rsm_maps: u32 = 12, "", 1..=63, Uniform,
-            only "indirect.technique=rsm|ism|traced";
+            only "indirect.technique=auto|rsm|ism|traced";
         /// Whether reflective shadow maps are kept while nothing changes in them. Off measures what drawing them takes.
         rsm_cache: bool = true, "", (), Uniform,
-            only "indirect.technique=rsm|ism|traced";
+            only "indirect.technique=auto|rsm|ism|traced";
         /// Points of the scene that imperfect shadow maps draw from, each a block of its own as long as they last. More make
         /// errors of different virtual lights more independent, and cost 28 bytes each.
         points: u32 = 1_048_576, "", 1024..=8_388_608, Resources,
-            only "indirect.technique=ism";
+            only "indirect.technique=auto|ism";
         /// Points of the scene that are drawn into each shadow map. More make smaller discs, so that blockers keep
         /// their shape, and cost 16 bytes to read and a disc to draw each; with few, maps are blobs.
         points_per_vpl: u32 = 8000, "", 1..=8192, Uniform,
-            only "indirect.technique=ism";
+            only "indirect.technique=auto|ism";
         /// Radius that a point is drawn with, of the disc that it stands for. Less leaves more holes to pull-push, and is
         /// faster by its square.
         splat: f32 = 0.8, "radii", 0.0..=2.0, Uniform,
-            only "indirect.technique=ism";
+            only "indirect.technique=auto|ism";
         /// Texels a side of each virtual light's shadow map. More keeps smaller gaps and thinner blockers apart where there are
         /// points enough, and takes 4 bytes a texel (a third more with pull-push) and as much bandwidth; points are read once for
         /// every 64² texels.
         ism_resolution: IsmResolution = IsmResolution::Side128, "texels", (), Resources,
-            only "indirect.technique=ism";
+            only "indirect.technique=auto|ism";
         /// Whether shadows are blended from four texels.
         ism_closer: bool = false, "", (), Permutation,
-            only "indirect.technique=ism";
+            only "indirect.technique=auto|ism";
         /// Coarser levels from which holes between points are filled; 0 fills none, and more than the map has count as all. Each
         /// doubles the holes that are closed, and what is filled beyond a blocker's edge with them. The first costs most of the
         /// time that all do.
         levels as "pull_push.levels": u32 = 2, "levels", 0..=8, Resources,
-            only "indirect.technique=ism";
+            only "indirect.technique=auto|ism";
         /// How far behind the nearest of four texels another may be to count for the coarser level, relative to the nearest;
         /// doubles from level to level. More blends what is in front with what is behind, less leaves slanted surfaces with what is
         /// nearest.
         pull_threshold as "pull_push.pull_threshold": f32 = 0.1, "", 0.0..=10.0, Uniform,
-            only "indirect.technique=ism and indirect.pull_push.levels!=0";
+            only "indirect.technique=auto|ism and indirect.pull_push.levels!=0";
         /// How far behind all of the coarser level around it a texel must be to be taken for a hole in what is in front, relative
         /// to that level; doubles from level to level, and 0 fills only texels without points. Less closes more such holes, and
         /// more of the gaps that there are.
         push_threshold as "pull_push.push_threshold": f32 = 0.2, "", 0.0..=10.0, Uniform,
-            only "indirect.technique=ism and indirect.pull_push.levels!=0";
+            only "indirect.technique=auto|ism and indirect.pull_push.levels!=0";
         /// Side of the squares of pixels among which virtual lights are dealt out: of 4 each pixel is lit by a 16th of them. More
         /// is faster, and is blurred more.
         interleave: u32 = 4, "pixels", 1..=8, Permutation,
-            only "indirect.technique=rsm|ism|traced";
+            only "indirect.technique=auto|rsm|ism|traced";
         /// Radius at which a virtual light's nearness is bounded, in radii of the disc that it stands for. 0 bounds nothing:
         /// corners get bright spots. More darkens corners.
         clamp: f32 = 1.0, "radii", 0.0..=16.0, Uniform,
-            only "indirect.technique=rsm|ism|traced";
+            only "indirect.technique=auto|rsm|ism|traced";
         /// Whether what bounding nearness takes is given back by what the picture shows around each pixel (Novák et al. 2011):
         /// corners get their light without bright spots. What is out of the picture gives nothing back.
         compensate: bool = false, "", (), Permutation,
-            only "indirect.technique=rsm|ism|traced and indirect.clamp!=0";
+            only "indirect.technique=auto|rsm|ism|traced and indirect.clamp!=0";
         /// Whether frames leave `indirect/clamp_loss`, the share of light that bounding nearness takes.
         clamp_loss: bool = false, "", (), Permutation,
-            only "indirect.technique=rsm|ism|traced";
+            only "indirect.technique=auto|rsm|ism|traced";
         /// Frames before that a moving picture's indirect light is averaged with at most, where they saw the same place. More are
         /// calmer, fewer follow changes of less than a quarter sooner; where lamps and things move fewer count by themselves. 0 shows
         /// each frame as it is. Stills average samples instead.
         history: u32 = 32, "frames", 0..=64, Permutation,
-            only "indirect.technique=rsm|ism|traced";
+            only "indirect.technique=auto|rsm|ism|traced";
         /// What smooths interleaved light.
         filter: IrradianceFilter = IrradianceFilter::Edges, "", (), Permutation,
-            only "indirect.technique=rsm|ism|traced and indirect.interleave!=1";
+            only "indirect.technique=auto|rsm|ism|traced and indirect.interleave!=1";
         /// Width of the mean: neighbours that take part, across and down.
         filter_width: u32 = 5, "pixels", 3..=9, Uniform,
             only "indirect.filter=discontinuity";

@@ -3,7 +3,7 @@
 use chiaro::scene::{Environment, Material};
 use chiaro::{Pipeline, Settings, View};
 use chiaro_image::Image;
-use chiaro_testkit::{Stage, Studio, device};
+use chiaro_testkit::{Stage, Studio, ambient, device};
 use glam::{Vec3, Vec4};
 
 const SIZE: [u32; 2] = [64, 64];
@@ -20,7 +20,7 @@ fn uniform(nits: f32) -> Environment {
 fn pipelines() -> impl Iterator<Item = Settings> {
     [(Pipeline::Deferred, "1"), (Pipeline::Forward, "1"), (Pipeline::Forward, "4")].into_iter().map(
         |(pipeline, msaa)| {
-            let mut settings = Settings { pipeline, ..Settings::default() };
+            let mut settings = Settings { pipeline, ..ambient() };
             settings.set("surface.msaa", msaa).unwrap();
             settings
         },
@@ -81,7 +81,7 @@ fn in_a_white_furnace_white_lambert_vanishes_and_smooth_metal_shows_its_albedo()
 
 #[test]
 fn rough_metal_and_dielectric_lose_nothing_in_a_white_furnace() {
-    let mut studio = studio(Settings::default());
+    let mut studio = studio(ambient());
     for (metallic, roughness) in [(1.0, 0.3), (1.0, 1.0), (0.0, 0.2), (0.0, 1.0)] {
         let (stage, view) = slab(Material { metallic, roughness, ..Material::default() }, uniform(1.0));
         let image = picture(&mut studio, &stage, &view);
@@ -136,7 +136,7 @@ fn a_bright_texel_is_seen_where_its_direction_says() {
     let mut stage = Stage::new();
     stage.scene.environment = Some(environment);
     let view = View::look_at(Vec3::ZERO, Vec3::Z, 1.0, 0.1);
-    let (right, up) = middle(&picture(&mut studio(Settings::default()), &stage, &view)).unwrap();
+    let (right, up) = middle(&picture(&mut studio(ambient()), &stage, &view)).unwrap();
     assert!(right > 3.0 && up > 0.5, "{right} {up}");
 }
 
@@ -146,7 +146,7 @@ fn turning_the_surroundings_counter_clockwise_moves_them_left() {
     let mut stage = Stage::new();
     stage.scene.environment = Some(environment);
     let view = View::look_at(Vec3::ZERO, direction, 1.0, 0.1);
-    let mut studio = studio(with(Settings::default(), &[("environment.rotation", "10")]));
+    let mut studio = studio(with(ambient(), &[("environment.rotation", "10")]));
     let (right, _) = middle(&picture(&mut studio, &stage, &view)).unwrap();
     // 10° of a picture 1 rad high.
     let expected = -32.0 * 10f32.to_radians().tan() / 0.5f32.tan();
@@ -210,7 +210,7 @@ fn without_indirect_light_an_environment_is_seen_straight_and_in_metals_and_ligh
 fn intensity_scales_background_and_light_alike() {
     let white = Material { specular: 0.0, base_color: Vec4::ONE, ..Material::default() };
     let (stage, view) = slab(white, uniform(2.0));
-    let mut studio = studio(with(Settings::default(), &[("environment.intensity", "3")]));
+    let mut studio = studio(with(ambient(), &[("environment.intensity", "3")]));
     let image = picture(&mut studio, &stage, &view);
     assert_is(image.pixel(32, 32), Vec3::splat(6.0), 0.01, "surface");
     assert_is(image.pixel(32, 1), Vec3::splat(6.0), 0.001, "background");

@@ -9,7 +9,15 @@ fn assert_looks_the_same(name: &str) {
     let view = View::from_scene(&scene, 0).unwrap();
     let gpu = device();
     let mut settings = Settings::default();
-    settings.set("shadow.resolution", "1024").unwrap();
+    // Fewer than by default, which take a second a frame without a GPU.
+    for (key, value) in [
+        ("shadow.resolution", "1024"),
+        ("indirect.vpls", "256"),
+        ("indirect.ism_resolution", "64"),
+        ("indirect.points_per_vpl", "2048"),
+    ] {
+        settings.set(key, value).unwrap();
+    }
     let mut studio = Studio::new(&gpu, settings);
     let loaded = studio.load(&scene);
     let picture = studio.picture(&loaded, &view, [128, 72], 16);

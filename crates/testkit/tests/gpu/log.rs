@@ -4,7 +4,7 @@ use chiaro::scene;
 use chiaro::{Handle, Pipeline, Recorder, Resource, Settings, StillOptions, View};
 use chiaro_gpu::wgpu::{TextureFormat, TextureUsages};
 use chiaro_gpu::{Life, TextureOptions, TexturePool};
-use chiaro_testkit::{Studio, device};
+use chiaro_testkit::{Studio, ambient, device};
 use glam::Vec2;
 
 const SIZE: [u32; 2] = [48, 32];
@@ -14,7 +14,7 @@ fn leaves(pipeline: Pipeline, recorder: &mut Recorder) -> Vec<Resource> {
     let mut scene = scene::load("builtin:cornell").unwrap();
     scene.add_default_view();
     let view = View::from_scene(&scene, 0).unwrap();
-    let mut settings = Settings { pipeline, ..Settings::default() };
+    let mut settings = Settings { pipeline, ..ambient() };
     settings.set("shadow.resolution", "64").unwrap();
     let mut studio = Studio::new(&gpu, settings);
     let loaded = studio.load(&scene);
@@ -107,7 +107,7 @@ fn what_is_asked_for_by_name_comes_back_and_an_unknown_name_tells_all() {
     let mut scene = scene::load("builtin:cornell").unwrap();
     scene.add_default_view();
     let view = View::from_scene(&scene, 0).unwrap();
-    let mut settings = Settings::default();
+    let mut settings = ambient();
     settings.set("shadow.resolution", "64").unwrap();
     let mut studio = Studio::new(&gpu, settings);
     let loaded = studio.load(&scene);
@@ -141,7 +141,7 @@ fn whatever_is_listed_comes_back_from_stills_of_many_frames() {
     let view = View::from_scene(&scene, 0).unwrap();
     let moments = [("shadow.representation", "evsm4"), ("shadow.filter", "gaussian-mip")];
     for changes in [&[("shadow.fit", "depth")][..], &moments, &[("shadow.raster", "compute")]] {
-        let mut settings = Settings::default();
+        let mut settings = ambient();
         for (key, value) in [&[("shadow.resolution", "64")], changes].concat() {
             settings.set(key, value).unwrap();
         }

@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use chiaro::scene::{AlphaMode, Environment, LightKind, Material, Reflection};
 use chiaro::{Pipeline, ReferenceOptions, Settings, View};
 use chiaro_image::Image;
-use chiaro_testkit::{Stage, Studio, camera_above, device, direct, nmae};
+use chiaro_testkit::{Stage, Studio, ambient, camera_above, device, direct, nmae};
 use glam::Vec3;
 
 use crate::truth::trace;
@@ -16,7 +16,7 @@ pub const SKY: Vec3 = Vec3::new(0.058, 0.080, 0.115);
 
 fn pipelines(changes: &[(&str, &str)]) -> [Settings; 2] {
     [("deferred", "1"), ("forward", "4")].map(|(pipeline, msaa)| {
-        let mut settings = Settings::default();
+        let mut settings = ambient();
         for (key, value) in [("pipeline", pipeline), ("surface.msaa", msaa)].iter().chain(changes) {
             settings.set(key, value).unwrap();
         }
@@ -102,7 +102,7 @@ fn parts_add_up_to_the_picture_whatever_is_seen_and_shown() {
 #[test]
 fn parts_of_a_moving_picture_are_those_of_its_newest_frame() {
     let (stage, view) = everything(false);
-    let mut studio = Studio::new(&device(), Settings::default());
+    let mut studio = Studio::new(&device(), ambient());
     let scene = studio.load(&stage.scene);
     for _ in 0..3 {
         let (picture, parts) = studio.parts(&scene, &view, SIZE, (1, true));
@@ -130,7 +130,7 @@ fn direct_light_is_that_of_paths_of_two_edges() {
     let view = View::look_at(Vec3::new(0.0, 0.2, 1.9), Vec3::new(0.0, -0.3, 0.0), 1.1, 0.05);
     let options = ReferenceOptions { max_depth: 2, ..ReferenceOptions::default() };
     let truth = trace(&stage.scene, (&view, SIZE), options, &[16]);
-    let mut studio = Studio::new(&device(), Settings::default());
+    let mut studio = Studio::new(&device(), ambient());
     let scene = studio.load(&stage.scene);
     let (_, [direct, indirect, _]) = studio.parts(&scene, &view, SIZE, (16, false));
     let off = nmae(&direct, &truth);

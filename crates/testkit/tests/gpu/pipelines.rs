@@ -5,14 +5,14 @@ use chiaro::techniques::scene::SceneFacts;
 use chiaro::{Aov, Gpu, Pipeline, Recorder, Renderer, Settings, StillOptions, View};
 use chiaro_image::Image;
 use chiaro_testkit::{
-    Stage, Studio, camera_above, device, device_guaranteed, device_of_its_own, direct, nmae,
+    Stage, Studio, ambient, camera_above, device, device_guaranteed, device_of_its_own, direct, nmae,
 };
 use glam::Vec2;
 
 const SIZE: [u32; 2] = [96, 64];
 
 fn settings(pipeline: Pipeline, msaa: &str) -> Settings {
-    let mut settings = Settings { pipeline, ..Settings::default() };
+    let mut settings = Settings { pipeline, ..ambient() };
     settings.set("surface.msaa", msaa).unwrap();
     settings.set("shadow.resolution", "512").unwrap();
     settings

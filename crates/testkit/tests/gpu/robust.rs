@@ -2,7 +2,7 @@
 
 use chiaro::scene::{LightKind, Material, Mesh, Primitive, Reflection};
 use chiaro::{Pipeline, Settings, View};
-use chiaro_testkit::{Stage, Studio, device};
+use chiaro_testkit::{Stage, Studio, ambient, device};
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 
 /// Two triangles of ordinary shape and one without an area, with the given normals.
@@ -82,7 +82,7 @@ fn strange_materials_and_triangles_stay_finite() {
     let gpu = device();
     let stage = strange();
     for pipeline in [Pipeline::Deferred, Pipeline::Forward] {
-        let mut settings = Settings { pipeline, ..Settings::default() };
+        let mut settings = Settings { pipeline, ..ambient() };
         settings.set("surface.msaa", "1").unwrap();
         let mut studio = Studio::new(&gpu, settings.clone());
         let scene = studio.load(&stage.scene);

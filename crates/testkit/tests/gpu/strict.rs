@@ -4,13 +4,13 @@ use chiaro::techniques::post::DebugView;
 use chiaro::techniques::{Kit, shaders};
 use chiaro::{Aov, Effect, Error, Kind, Pipeline, Recorder, Settings, StillOptions, View, scene};
 use chiaro_gpu::wgpu::{Features, Limits};
-use chiaro_testkit::{Studio, device_guaranteed};
+use chiaro_testkit::{Studio, ambient, device_guaranteed};
 use glam::Vec2;
 
 const SIZE: [u32; 2] = [24, 16];
 
 fn small() -> Settings {
-    let mut settings = Settings::default();
+    let mut settings = ambient();
     settings.set("shadow.resolution", "64").unwrap();
     settings
 }

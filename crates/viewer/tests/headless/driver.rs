@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use chiaro::{Pixels, Readback, wgpu};
-use chiaro_testkit::{TestGpu, device_of_its_own};
+use chiaro_testkit::{TestGpu, ambient, device_of_its_own};
 use chiaro_viewer::{Canvas, Options, Viewer};
 use egui::{Event, Key, Modifiers};
 
@@ -33,7 +33,8 @@ impl Driver {
     }
 
     pub fn cornell() -> Self {
-        let mut driver = Self::new(Options { scene: "builtin:cornell".into(), ..Options::default() });
+        let mut driver =
+            Self::new(Options { scene: "builtin:cornell".into(), settings: ambient(), ..Options::default() });
         driver.settle();
         driver
     }

@@ -7,6 +7,7 @@ mod truth;
 use std::path::{Path, PathBuf};
 
 use chiaro::{Kind, Pipeline, Readback, Settings};
+use chiaro_testkit::ambient;
 use chiaro_viewer::Options;
 use egui::Key;
 
@@ -104,7 +105,7 @@ fn resizes_and_settings_at_random_leave_no_trace() {
     driver.settle();
     assert!(refused > 0, "no illegal combination was tried: the storm is too tame");
 
-    driver.viewer.set(Settings::default());
+    driver.viewer.set(ambient());
     driver.settle();
     let after = driver.picture();
     assert!(before == after, "the picture is another after the storm");
@@ -113,7 +114,7 @@ fn resizes_and_settings_at_random_leave_no_trace() {
 #[test]
 fn every_buffer_can_be_looked_at() {
     let mut driver = Driver::cornell();
-    let mut settings = Settings::default();
+    let mut settings = ambient();
     settings.set("shadow.representation", "moments").unwrap();
     settings.set("shadow.filter", "gaussian").unwrap();
     driver.viewer.set(settings);
@@ -212,8 +213,12 @@ fn copied_shaders(name: &str) -> PathBuf {
 #[test]
 fn a_broken_shader_is_told_with_its_place_and_a_healed_one_is_used() {
     let folder = copied_shaders("reload");
-    let options =
-        Options { scene: "builtin:cornell".into(), shaders: Some(folder.clone()), ..Options::default() };
+    let options = Options {
+        scene: "builtin:cornell".into(),
+        settings: ambient(),
+        shaders: Some(folder.clone()),
+        ..Options::default()
+    };
     let mut driver = Driver::new(options);
     driver.settle();
     let before = driver.picture();

@@ -1,16 +1,20 @@
 //! The path-traced truth beside the picture.
 
-use chiaro::{
-    Integrator, Pixels, Readback, Recorder, Reference, ReferenceOptions, Renderer, Settings, Texture,
-};
+use chiaro::{Integrator, Pixels, Readback, Recorder, Reference, ReferenceOptions, Renderer, Texture};
 use chiaro::{View, scene};
+use chiaro_testkit::ambient;
 use chiaro_viewer::{Compare, Options, Viewer};
 use egui::{CursorIcon, Event, Key, Modifiers, PointerButton, Pos2, pos2};
 
 use crate::driver::{Driver, SIZE};
 
 fn driver(scene: &str, truth_samples: u32) -> Driver {
-    let mut driver = Driver::new(Options { scene: scene.into(), truth_samples, ..Options::default() });
+    let mut driver = Driver::new(Options {
+        scene: scene.into(),
+        settings: ambient(),
+        truth_samples,
+        ..Options::default()
+    });
     driver.settle();
     driver
 }
@@ -53,7 +57,7 @@ fn the_truth_is_what_the_reference_makes() {
     let mut scene = scene::load("builtin:cornell").unwrap();
     scene.add_default_view();
     let (view, size) = (View::from_scene(&scene, 0).unwrap(), [picture.width, picture.height]);
-    let (renderer, loaded) = Renderer::with_scene(&driver.gpu, Settings::default(), &scene).unwrap();
+    let (renderer, loaded) = Renderer::with_scene(&driver.gpu, ambient(), &scene).unwrap();
     let (kit, settings) = (renderer.kit(), renderer.settings());
     let scenes = (&scene, &loaded);
     let mut reference = Reference::new(
