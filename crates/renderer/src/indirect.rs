@@ -1,6 +1,6 @@
 //! Indirect light by virtual lights, as a frame makes it: their places, their shadows, and what they give the picture.
 
-use chiaro_gpu::{Buffer, Frame, Gpu, Group, Texture, TexturePool};
+use chiaro_gpu::{Buffer, Frame, Gpu, Group, Texture, TexturePool, wgpu};
 use chiaro_techniques::frame::LightData;
 use chiaro_techniques::indirect::accumulate::{Accumulate, AccumulateInputs, AccumulateRoom, Allowed};
 use chiaro_techniques::indirect::bounces::{BounceRoom, Bounces};
@@ -69,6 +69,8 @@ pub(crate) struct IndirectRooms {
     clusters: Option<ClusterRoom>,
     compensate: Option<CompensateRoom>,
     sources: Option<SourceRoom>,
+    // What the virtual lights of what shines itself, and their maps, were made from; none where they have to be made.
+    rested: Option<Rested>,
     gather: LightRooms,
     // Light of opaque surfaces, in moving pictures.
     accumulated: Means,
@@ -76,6 +78,32 @@ pub(crate) struct IndirectRooms {
     layer: LightRooms,
     // Where they are wanted.
     pictures: Option<PictureRoom>,
+}
+
+/// What virtual lights of what shines itself, those where they shine, and the maps of both are made from, and lie in.
+#[derive(Clone, Debug, PartialEq)]
+struct Rested {
+    settings: IndirectSettings,
+    slots: Slots,
+    seed: u32,
+    scene: u64,
+    points: u64,
+    around: Surroundings,
+    rooms: [wgpu::Buffer; 2],
+    pose: u64,
+}
+
+impl Rested {
+    /// Whether they are what they would be if they were made again, `now` and in this `scene`.
+    fn holds(&self, now: &Self, scene: &SceneGpu) -> bool {
+        let is_still = match now.pose.wrapping_sub(self.pose) {
+            0 => true,
+            1 => scene.motion.moved_bounds_ws().next().is_none(),
+            _ => false,
+        };
+        let then = Self { pose: now.pose, ..self.clone() };
+        is_still && then == *now
+    }
 }
 
 /// Light of both kinds.
@@ -359,11 +387,29 @@ impl IndirectRooms {
         let set = VplSet { seed, round, drift, continues };
         passes.vpls.record(frame, (indirect, set), (group, seen), (&plan.rsm, maps), placed);
         let slots = placed.slots();
+        let now = match (&self.ism, scene.points) {
+            // Clusters are made from lights that lie where these would.
+            (Some(room), Some(points)) if plan.moves && slots.shine() && !indirect.makes_clusters() => {
+                Some(Rested {
+                    settings: indirect.clone(),
+                    slots: *slots,
+                    seed,
+                    scene: scene.gpu.id(),
+                    points: points.id(),
+                    around: plan.around,
+                    rooms: [placed.vpls.raw().clone(), room.atlases()[0].words.raw().clone()],
+                    pose: scene.gpu.motion.generation(),
+                })
+            }
+            _ => None,
+        };
+        let rest = matches!((&self.rested, &now), (Some(had), Some(now)) if had.holds(now, scene.gpu));
+        self.rested = now;
         if let (Some(clusters), Some(room)) = (passes.clusters, &mut self.clusters) {
             clusters.record(frame, (indirect, plan.round), (scene.gpu.id(), plan.moves), placed, room);
         }
         if let (Some(sources), Some(pool), Some(room), true) =
-            (passes.sources, scene.sources, &self.sources, slots.shine())
+            (passes.sources, scene.sources, &self.sources, slots.shine() && !rest)
         {
             let (what, vpls) = ((pool, plan.around), (&placed.vpls, &placed.count));
             sources.record(frame, (slots, plan.round), scene.gpu, what, vpls, room);
@@ -397,7 +443,7 @@ impl IndirectRooms {
                     ism.record(frame, indirect, &of(set), room);
                 }
             };
-            if slots.shine() {
+            if slots.shine() && !rest {
                 ism.record(frame, indirect, &of(SOURCES), room);
                 bounce(frame, SCATTERED, &[SOURCES]);
             }

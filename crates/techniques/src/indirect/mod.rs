@@ -115,6 +115,10 @@ mod tests {
 
     const BOUNDS: (Vec3, Vec3) = (Vec3::ZERO, Vec3::splat(10.0));
 
+    fn settings() -> IndirectSettings {
+        IndirectSettings { technique: Technique::Ambient, ..IndirectSettings::default() }
+    }
+
     fn sun() -> LightData {
         LightData {
             kind: LightData::DIRECTIONAL,
@@ -130,15 +134,14 @@ mod tests {
 
     #[test]
     fn under_an_open_sky_a_face_downwards_sees_the_lit_ground_and_one_upwards_nothing_of_it() {
-        let bounced = ambient(&IndirectSettings::default(), &[sun()], BOUNDS, 1.0, None);
+        let bounced = ambient(&settings(), &[sun()], BOUNDS, 1.0, None);
         assert!(towards(&bounced, Vec3::Y).abs() < 1e-2, "{bounced:?}");
         assert!(towards(&bounced, Vec3::NEG_Y) > 1000.0, "{bounced:?}");
     }
 
     #[test]
     fn an_environment_bounces_only_inside() {
-        let with =
-            |share| ambient(&IndirectSettings::default(), &[], BOUNDS, share, Some((Vec3::ONE, share)));
+        let with = |share| ambient(&settings(), &[], BOUNDS, share, Some((Vec3::ONE, share)));
         assert_eq!(with(1.0), [Vec4::ZERO; 3]);
         let inside = towards(&with(0.1), Vec3::Y);
         assert!(inside > 0.0 && inside < 0.1, "{inside}");
@@ -146,7 +149,7 @@ mod tests {
 
     #[test]
     fn no_direction_is_darker_than_black() {
-        let bounced = ambient(&IndirectSettings::default(), &[sun()], (Vec3::ZERO, Vec3::ONE), 0.01, None);
+        let bounced = ambient(&settings(), &[sun()], (Vec3::ZERO, Vec3::ONE), 0.01, None);
         for channel in bounced {
             assert!(channel.truncate().length() <= channel.w * 1.0001, "{bounced:?}");
         }

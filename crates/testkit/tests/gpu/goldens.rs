@@ -20,7 +20,7 @@ fn assert_looks_the_same(name: &str) {
     }
     let mut studio = Studio::new(&gpu, settings);
     let loaded = studio.load(&scene);
-    let picture = studio.picture(&loaded, &view, [128, 72], 16);
+    let picture = studio.picture(&loaded, &view, [128, 72], 8);
     assert_golden(name, &picture, Tolerance::default());
 }
 

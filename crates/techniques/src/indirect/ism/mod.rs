@@ -329,11 +329,15 @@ impl Ism {
             Buffer::new(gpu, name, Life::Frame, 4 * u64::from(words), BufferUsages::STORAGE)
         };
         let copied = BufferUsages::COPY_DST;
+        let kept = |name, words: u32| {
+            Buffer::new(gpu, name, Life::Kept, 4 * u64::from(words), BufferUsages::STORAGE)
+        };
         let atlas = |first: u32| {
             let tiles = plan.tiles.min(plan.vpls - first);
             let size = size_of::<IsmData>() as u64;
             IsmAtlas {
-                words: storage("ism_atlas", tiles * plan.resolution.pow(2)).described(ATLAS),
+                // Maps of VPLs that rest stay.
+                words: kept("ism_atlas", tiles * plan.resolution.pow(2)).described(ATLAS),
                 uniform: Buffer::new(gpu, "ism", Life::Frame, size, BufferUsages::UNIFORM | copied),
                 first,
                 tiles,

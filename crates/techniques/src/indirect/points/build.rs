@@ -61,6 +61,11 @@ pub struct PointData {
 }
 
 impl PointData {
+    /// Tells sets of points apart.
+    pub fn id(&self) -> u64 {
+        self.id
+    }
+
     /// Chooses points on all that a scene draws, evenly by area as it stands in a pose.
     pub fn build(scene: &cs::Scene, pose: &cs::Pose, options: PointOptions) -> Self {
         let cut = Cut::new(scene, pose);

@@ -231,6 +231,11 @@ impl Rsm {
     pub fn record(&self, frame: &mut Frame<'_>, inputs: &RsmInputs<'_>, room: &mut RsmRoom) {
         let RsmInputs { group, scene, surfaces, plan, table, first, .. } = *inputs;
         let data: Vec<_> = plan.views.iter().map(|view| view.data).collect();
+        if data.is_empty() {
+            // Nobody reads them, but they are bound.
+            frame.clear(&room.views);
+            frame.clear(&room.rsm);
+        }
         frame.upload(&room.views, &data);
         for batch in table.batches() {
             let drawn = batch.start.max(first)..batch.end.min(first + plan.drawn.len() as u32);

@@ -32,6 +32,10 @@
 //! - Half of the VPLs are for what glows and half for surroundings, where both are there.
 //! - What the first bounce's VPLs are placed by is flux alone, not what they bring the picture.
 //!
+//! # Rest
+//! In moving pictures these VPLs, those where they shine, and the maps of both stay as long as nothing moves and the surroundings
+//! are the same: only what they give the picture is gathered anew.
+//!
 //! # Cost
 //! 12 bytes a place and 16 a direction, 4,096 each. A dispatch of 6 µs, and what maps and gathering take a VPL.
 
@@ -103,7 +107,7 @@ impl SourcePool {
 }
 
 /// What surrounds a scene; nothing by default.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Surroundings {
     /// Factor on the map's radiance, or the radiance of a sky; 0 without either.
     pub nits: Vec3,

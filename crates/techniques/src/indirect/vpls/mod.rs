@@ -209,15 +209,22 @@ impl Vpls {
             let storage = BufferUsages::STORAGE;
             let copied = storage | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
             let make = |name, bytes, usage| Buffer::new(gpu, name, Life::Frame, bytes, usage);
+            let kept = |name, bytes, usage| Buffer::new(gpu, name, Life::Kept, bytes, usage);
             VplRoom {
-                vpls: make("vpls", vpls * each, copied),
-                count: make("vpl_count", 16 * u64::from(SETS), copied | BufferUsages::UNIFORM),
+                // Sets that rest stay.
+                vpls: kept("vpls", vpls * each, copied),
+                count: kept("vpl_count", 16 * u64::from(SETS), copied | BufferUsages::UNIFORM),
                 uniform: make(
                     "vpl_sampling",
                     size_of::<SamplingData>() as u64,
                     BufferUsages::UNIFORM | BufferUsages::COPY_DST,
                 ),
-                sums: make("rsm_sums", 16 * tiles.next_power_of_two().max(2), storage).described(SUMS),
+                sums: make(
+                    "rsm_sums",
+                    16 * tiles.next_power_of_two().max(2),
+                    storage | BufferUsages::COPY_DST,
+                )
+                .described(SUMS),
                 tile_worths: Buffer::new(gpu, "tile_worths", Life::Kept, 4 * tiles, storage)
                     .described(TILE_WORTHS),
                 candidates: make("vpl_candidates", candidates * each, storage),
@@ -261,9 +268,10 @@ impl Vpls {
         };
         frame.upload(&room.uniform, &[data]);
         if data.views == 0 {
-            frame.clear(&room.count);
-            // Nobody reads them, but they are bound.
-            frame.clear(&room.vpls);
+            // Those of other sets stay.
+            frame.upload(&room.count, &[[0u32; 4]]);
+            // Pictures of the maps look for tiles here.
+            frame.clear(&room.sums);
             return;
         }
         let sampling = ("sampling", (&room.uniform).into());

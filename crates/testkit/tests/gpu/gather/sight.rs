@@ -47,7 +47,7 @@ fn maps<'a>(gpu: &'a Gpu, vpls: &[Vpl], binding: u64) -> crate::ism::Rig<'a> {
     let settings =
         IndirectSettings { points_per_vpl: POINTS as u32, ..crate::ism::settings(IsmResolution::Side64, 2) };
     let plan = IsmPlan::within(binding, &settings, vpls.len() as u32).unwrap();
-    crate::ism::Rig::with_plan(gpu, settings, (&points, area, LARGEST_M), vpls, plan)
+    crate::ism::Rig::with_plan(gpu, settings, (&points, area, LARGEST_M), vpls, (plan, 0))
 }
 
 /// Light by maps, and what the bound takes of it.

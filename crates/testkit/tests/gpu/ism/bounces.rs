@@ -50,8 +50,8 @@ fn bounced(plan: impl Fn(&IndirectSettings, u32) -> IsmPlan) -> (Vec<[u32; 4]>, 
     let mut slots = first.clone();
     slots.resize(sets.all() as usize, Vpl::zeroed());
     let plan = plan(&settings, slots.len() as u32);
-    let mut rig = Rig::with_plan(&gpu, settings.clone(), (&points, area, 12f32.sqrt()), &slots, plan);
-    rig.vpl_count = rig.bench.buffer("vpl_count", &counted(VPLS as u32));
+    let mut rig = Rig::with_plan(&gpu, settings.clone(), (&points, area, 12f32.sqrt()), &slots, (plan, 0));
+    rig.vpl_count = rig.bench.buffer("vpl_count", &counted(VPLS as u32, 0));
     let bounces = Bounces::compile(&rig.bench.kit, &()).unwrap();
     let room = bounces.room(&gpu);
     let mut recorder = Recorder::new(&gpu, false);

@@ -5,7 +5,7 @@ mod filling;
 mod seeing;
 mod splats;
 
-use chiaro_techniques::indirect::SETS;
+use chiaro_techniques::indirect::{SETS, SOURCES};
 use std::f32::consts::PI;
 
 use bytemuck::{Pod, Zeroable};
@@ -96,10 +96,10 @@ impl Place {
     }
 }
 
-/// The words that tell how many VPLs there are, all of the first bounce.
-fn counted(vpls: u32) -> [[u32; 4]; SETS as usize] {
+/// The words that tell how many VPLs there are, all of one set.
+fn counted(vpls: u32, set: u32) -> [[u32; 4]; SETS as usize] {
     let mut words = [[0; 4]; SETS as usize];
-    words[0] = [vpls, 1, 0, 1];
+    words[set as usize] = [vpls, 1, 0, 1];
     words
 }
 
@@ -116,6 +116,8 @@ pub(crate) struct Rig<'a> {
     area_m2: f32,
     largest_m: f32,
     pub(crate) room: IsmRoom,
+    // Whose maps they are.
+    drawn: u32,
 }
 
 impl<'a> Rig<'a> {
@@ -127,7 +129,18 @@ impl<'a> Rig<'a> {
         vpls: &[Vpl],
     ) -> Self {
         let plan = IsmPlan::new(gpu, &settings, vpls.len() as u32).unwrap();
-        Self::with_plan(gpu, settings, (points, area_m2, largest_m), vpls, plan)
+        Self::with_plan(gpu, settings, (points, area_m2, largest_m), vpls, (plan, 0))
+    }
+
+    /// The same of what may be infinitely far.
+    pub(crate) fn far(
+        gpu: &'a Gpu,
+        settings: IndirectSettings,
+        scene: (&[Point], f32, f32),
+        vpls: &[Vpl],
+    ) -> Self {
+        let plan = IsmPlan::new(gpu, &settings, vpls.len() as u32).unwrap();
+        Self::with_plan(gpu, settings, scene, vpls, (plan, SOURCES))
     }
 
     pub(crate) fn with_plan(
@@ -135,23 +148,24 @@ impl<'a> Rig<'a> {
         settings: IndirectSettings,
         (points, area_m2, largest_m): (&[Point], f32, f32),
         vpls: &[Vpl],
-        plan: IsmPlan,
+        (plan, drawn): (IsmPlan, u32),
     ) -> Self {
         let bench = Bench::new(gpu);
-        let ism = Ism::compile(&bench.kit, &false).unwrap();
+        let ism = Ism::compile(&bench.kit, &(drawn == SOURCES)).unwrap();
         let words: Vec<_> = points.iter().map(Point::words).collect();
         let mut rig = Self {
             gpu,
             points: bench.buffer("points", &words),
             pool: points.len() as u32,
             vpls: bench.buffer("vpls", vpls),
-            vpl_count: bench.buffer("vpl_count", &counted(vpls.len() as u32)),
+            vpl_count: bench.buffer("vpl_count", &counted(vpls.len() as u32, drawn)),
             room: ism.room(gpu, plan, true),
             bench,
             ism,
             settings,
             area_m2,
             largest_m,
+            drawn,
         };
         rig.make();
         rig
@@ -166,7 +180,7 @@ impl<'a> Rig<'a> {
 
     /// Draws the maps as a part of a frame.
     pub(crate) fn record(&self, frame: &mut Frame<'_>) -> &[IsmAtlas] {
-        self.ism.record(frame, &self.settings, &self.inputs(0), &self.room)
+        self.ism.record(frame, &self.settings, &self.inputs(self.drawn), &self.room)
     }
 
     fn inputs(&self, set: u32) -> IsmInputs<'_> {

@@ -154,6 +154,64 @@ fn tiles_are_what_the_cpu_draws_wherever_their_blocks_of_points_begin() {
     }
 }
 
+/// Axes of the map of what is infinitely far, of a box whose sides are equal.
+fn far_axes(goes: Vec3) -> Mat3 {
+    // Of sides that are as long the second counts as the longest.
+    let along = if goes.y.abs() > 0.9 { Vec3::X } else { Vec3::Y };
+    let x = (along - along.dot(goes) * goes).normalize();
+    Mat3::from_cols(x, goes.cross(x), goes)
+}
+
+#[test]
+fn tiles_of_what_is_infinitely_far_show_the_box_as_the_cpu_draws_it() {
+    let gpu = device();
+    let largest = 4.0;
+    // The box is that of the rig, and the points' room lies around its middle.
+    let middle = Vec3::splat(0.5 * largest / 3f32.sqrt());
+    let (mut points, area) = scatter(&walls(), 100, 5);
+    for (point, exponent) in points.iter_mut().zip((0..4).cycle()) {
+        point.position += middle;
+        point.exponent = exponent;
+    }
+    let resolution = IsmResolution::Side64;
+    let ways = [Vec3::NEG_Y, Vec3::new(0.3, -0.8, -0.4).normalize(), Vec3::new(-1.0, 0.1, 0.2).normalize()];
+    let vpls = ways.map(|goes| Vpl::far(middle - 0.5 * largest * goes, goes, Vec3::ONE, 0));
+    let settings = IndirectSettings { points_per_vpl: 300, ..settings(resolution, 0) };
+    let rig = Rig::far(&gpu, settings, (&points, area, largest), &vpls);
+    let (side, words) = (resolution.texels(), rig.words());
+    let point_area = area / 300.0;
+    let mut wrong = 0;
+    for (vpl, tile) in vpls.iter().zip(words.chunks(side.pow(2) as usize)) {
+        let axes = far_axes(vpl.normal_ws());
+        let half = Vec2::new(middle.dot(axes.x_axis.abs()), middle.dot(axes.y_axis.abs()));
+        let mut twin = vec![EMPTY; side.pow(2) as usize];
+        for (index, point) in (0u32..).zip((0..300).map(|i| &points[i % points.len()])) {
+            let to = axes.transpose() * (point.position - Vec3::from(vpl.position_ws));
+            let normal = axes.transpose() * point.normal;
+            let disc = (point_area * 4f32.powi(point.exponent as i32) / PI).sqrt();
+            let per_texel = 2.0 * half / side as f32;
+            let centre = to.truncate() / per_texel + 0.5 * side as f32;
+            for (i, texel) in (0u32..).zip(&mut twin) {
+                let at = Vec2::new((i % side) as f32, (i / side) as f32);
+                let off = (at + 0.5 - centre) * per_texel;
+                if off.length() > disc * normal.z.abs().sqrt() && at != centre.floor() {
+                    continue;
+                }
+                // Where the texel's line meets the disc's plane.
+                let met = to.z - normal.truncate().dot(off) / normal.z;
+                let met = if normal.z.abs() > 1e-3 { met.max(to.z - disc.min(0.5 * to.z)) } else { to.z };
+                let depth = (22.0 * ((met / largest).clamp(0.0, 1.0) - 1.0)).exp2();
+                *texel = (*texel).min(depth.to_bits() >> 12 << 13 | index);
+            }
+        }
+        let holds = tile.iter().filter(|word| **word != EMPTY).count();
+        assert!(holds * 2 > tile.len(), "{holds} texels of {}", tile.len());
+        // Rims go either way by rounding; depth by a step.
+        wrong += tile.iter().zip(twin).filter(|(a, b)| a.abs_diff(*b) > 1 << 14).count();
+    }
+    assert!(wrong * 100 <= words.len(), "{wrong} of {} texels", words.len());
+}
+
 #[test]
 fn a_point_covers_the_solid_angle_of_its_disc() {
     let gpu = device();
@@ -248,7 +306,7 @@ fn the_same_points_in_any_order_and_any_number_of_atlases_give_the_same_bits() {
     assert!(rig.words() == first);
     let two = IsmPlan::within(2 << 14, &settings, 5).unwrap();
     assert_eq!(two.tiles, 2);
-    let rig = Rig::with_plan(&gpu, settings.clone(), (&points, area, 4.0), &vpls, two);
+    let rig = Rig::with_plan(&gpu, settings.clone(), (&points, area, 4.0), &vpls, (two, 0));
     assert_eq!(rig.room.atlases().len(), 3);
     assert!(rig.words() == first);
     points.reverse();
@@ -263,7 +321,7 @@ fn tiles_of_vpls_that_there_are_not_are_left_alone() {
     let vpls: Vec<_> = (0..4).map(|_| vpl(Vec3::ZERO, Vec3::X, 0)).collect();
     let settings = IndirectSettings { points_per_vpl: 100, ..settings(IsmResolution::Side32, 2) };
     let mut rig = Rig::new(&gpu, settings.clone(), (&points, area, 4.0), &vpls);
-    rig.vpl_count = rig.bench.buffer("vpl_count", &counted(3));
+    rig.vpl_count = rig.bench.buffer("vpl_count", &counted(3, 0));
     rig.room = rig.ism.room(&gpu, IsmPlan::new(&gpu, &settings, 4).unwrap(), true);
     rig.make();
     let words = rig.words();
