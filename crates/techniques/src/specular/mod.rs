@@ -23,8 +23,8 @@
 //! - Frosted glass and rough mirrors are not followed.
 //!
 //! Cost: nothing without such surfaces or the setting. With them 8 bytes a pixel of room, 16 of bandwidth for each copy of the
-//! picture (of what is opaque, and once more before see-through layers), and for each pixel of a mirror one path, of glass two,
-//! each of up to 12 rays, and one more ray for each lamp where the picture shows nothing; once for each layer of see-through surfaces.
+//! picture (of what is opaque, and once more before see-through layers), and for each pixel of mirrors and glass two paths
+//! (a mirror's second ends where it begins) of up to 13 rays, and one more ray for each lamp where the picture shows nothing; once for each layer of see-through surfaces.
 
 mod settings;
 

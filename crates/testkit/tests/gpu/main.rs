@@ -46,6 +46,7 @@ mod shadow_thesis;
 mod shadow_traced;
 mod shadows;
 mod sky;
+mod specular;
 mod strict;
 mod surface;
 mod textures;
