@@ -123,8 +123,8 @@ impl LoadedScene {
     /// Whether settings shoot rays at the scene, and it has no trees for them: [`Trees::build`] makes some, and
     /// [`LoadedScene::give_trees`] takes them. [`crate::Renderer::load`] and [`crate::Renderer::equip`] do both.
     pub fn lacks_trees(&self, settings: &Settings) -> bool {
-        let for_caustics = settings.caustics.technique.makes_any() && self.specular.bounds_ws().is_some();
-        (settings.shoots_rays_at_all() || for_caustics) && self.trees.is_none()
+        let at_mirrors = settings.shoots_rays_at_mirrors() && self.specular.bounds_ws().is_some();
+        (settings.shoots_rays_at_all() || at_mirrors) && self.trees.is_none()
     }
 
     /// Whether settings draw imperfect shadow maps, and the scene has no points for them, or others: [`LoadedScene::choose_points`]

@@ -20,6 +20,7 @@ use chiaro_techniques::scene::SceneFacts;
 use chiaro_techniques::scene::motion::Motion;
 use chiaro_techniques::shadow::{Lookup, ShadowKey, ShadowMaps};
 use chiaro_techniques::shared::albedo_table::AlbedoTable;
+use chiaro_techniques::specular::SpecularRays;
 use chiaro_techniques::transparency::Transparency;
 use chiaro_techniques::view::culling::Culling;
 use chiaro_techniques::view::{MotionVectors, SurfaceKey, Surfaces};
@@ -130,6 +131,7 @@ passes! {
     photons: Option<PhotonTrace> = |settings: &Settings, facts| {
         settings.caustics.technique.makes_any().then_some(facts)
     };
+    specular: Option<SpecularRays> = |settings: &Settings, facts| settings.follows_mirrors().then_some(facts);
     refit: Option<Refit> = |settings: &Settings, _| settings.shoots_rays().then_some(());
 }
 

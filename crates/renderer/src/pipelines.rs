@@ -10,7 +10,8 @@ use chiaro_techniques::post::{AntialiasRoom, Parts};
 use chiaro_techniques::shadow::{
     ShadowInputs, ShadowOutputs, ShadowPlan, ShadowRoom, ShadowSettings, ShadowViews,
 };
-use chiaro_techniques::transparency::{GatherLayer, LayerRoom};
+use chiaro_techniques::specular::{SpecularRoom, SpecularSurfaces};
+use chiaro_techniques::transparency::{FollowLayer, GatherLayer, LayerRoom};
 use chiaro_techniques::view::culling::{DrawLists, ListRoom};
 use chiaro_techniques::view::{MotionOutputs, MotionRoom, SurfaceBuffer, SurfaceRoom, ViewTable};
 
@@ -119,12 +120,13 @@ pub(crate) fn record(
         antialias,
         indirect,
         photons,
+        specular,
     } = rooms;
     let (Some(lists), Some(surface), Some(shadow), Some(light)) = (lists, surface, shadow, light) else {
         unreachable!("what is prepared has room")
     };
-    let (layers, photons) = (layers.as_ref(), photons.as_ref());
-    let rooms = FrameRooms { views, lists, surface, light, layers, photons };
+    let (layers, photons, specular) = (layers.as_ref(), photons.as_ref(), specular.as_ref());
+    let rooms = FrameRooms { views, lists, surface, light, layers, photons, specular };
     // Without see-through surfaces all motion is that of opaque ones.
     let opaque = if rooms.layers.is_some() { opaque_motion.as_mut() } else { motion.as_mut() };
     let changing = ChangingRooms { shadow, indirect, opaque_motion: opaque };
@@ -205,6 +207,7 @@ struct FrameRooms<'a> {
     light: &'a LightRoom,
     layers: Option<&'a LayerRoom>,
     photons: Option<&'a PhotonRoom>,
+    specular: Option<&'a SpecularRoom>,
 }
 
 fn deferred(
@@ -248,9 +251,12 @@ fn deferred(
     };
     let Shaded { radiance, unlit, parts } = shade_all(frame, inputs, rooms.light, |frame, radiance, _| {
         passes.direct.record_deferred(frame, (group, scene), &surface, light, radiance);
+        follow_mirrors(passes, frame, inputs, rooms, (&surface, radiance));
         if let (Some(transparency), Some(layers)) = (&*passes.transparency, rooms.layers) {
+            let follow = layer_follower(passes, inputs, rooms, (&surface.depth, radiance));
+            let follow = follow.as_ref().map(|follow| follow as FollowLayer<'_>);
             let picture = (radiance, layers);
-            let light = (light, gather_layer);
+            let light = (light, gather_layer, follow);
             transparency.record(frame, (group, scene), camera, light, &surface.depth, picture);
         }
     });
@@ -271,7 +277,10 @@ fn forward(
     follow(passes, frame, inputs.scene);
     let lists = cull(passes, frame, inputs, rooms);
     let camera = (rooms.views, &lists, CAMERA);
-    let wants_surface = inputs.wants_surface || inputs.indirect.is_some() || inputs.photons.is_some();
+    let wants_surface = inputs.wants_surface
+        || inputs.indirect.is_some()
+        || inputs.photons.is_some()
+        || rooms.specular.is_some();
     let needs_depth = wants_surface
         || inputs.moves.is_some_and(|moves| moves.antialias.is_some())
         || rooms.layers.is_some()
@@ -308,9 +317,14 @@ fn forward(
     let Shaded { radiance, unlit, parts } = shade_all(frame, inputs, rooms.light, |frame, radiance, sky| {
         let lists = (&lists, rooms.light);
         passes.direct.record_forward(frame, (group, scene), lists, light, sky, radiance);
+        if let Some(surface) = &surface {
+            follow_mirrors(passes, frame, inputs, rooms, (surface, radiance));
+        }
         if let (Some(transparency), Some(layers), Some(depth)) = (&*passes.transparency, rooms.layers, &depth)
         {
-            let light = (light, gather_layer);
+            let follow = layer_follower(passes, inputs, rooms, (depth, radiance));
+            let follow = follow.as_ref().map(|follow| follow as FollowLayer<'_>);
+            let light = (light, gather_layer, follow);
             transparency.record(frame, (group, scene), camera, light, depth, (radiance, layers));
         }
     });
@@ -343,6 +357,46 @@ fn caustics(
         surface: &surface.surface,
     };
     Some(pass.record(frame, plan, &inputs, room))
+}
+
+/// Adds what opaque mirrors show, and keeps the picture for what see-through surfaces show, where rays follow them.
+fn follow_mirrors(
+    passes: &Passes,
+    frame: &mut Frame<'_>,
+    inputs: &FrameInputs<'_>,
+    rooms: &FrameRooms<'_>,
+    (surface, radiance): (&SurfaceBuffer, &Texture),
+) {
+    let Some((pass, room)) = passes.specular.as_ref().zip(rooms.specular) else { return };
+    let Some(trees) = &inputs.scene.trees else { return };
+    let surfaces = SpecularSurfaces {
+        depth: &surface.depth,
+        surface: &surface.surface,
+        through: None,
+        opaque_depth: &surface.depth,
+    };
+    let groups = (inputs.group.group(), &inputs.scene.gpu, &trees.traced.words);
+    pass.record_copy(frame, radiance, room);
+    pass.record_follow(frame, groups, surfaces, (radiance, room));
+    if rooms.layers.is_some() {
+        pass.record_copy(frame, radiance, room);
+    }
+}
+
+/// What adds what a see-through layer shows, where rays follow it.
+fn layer_follower<'a>(
+    passes: &'a Passes,
+    inputs: &'a FrameInputs<'_>,
+    rooms: &'a FrameRooms<'_>,
+    (opaque_depth, radiance): (&'a Texture, &'a Texture),
+) -> Option<impl Fn(&mut Frame<'_>, &Texture, &Texture, &Texture) + 'a> {
+    let (pass, room) = passes.specular.as_ref().zip(rooms.specular)?;
+    let trees = inputs.scene.trees.as_ref()?;
+    let groups = (inputs.group.group(), &inputs.scene.gpu, &trees.traced.words);
+    Some(move |frame: &mut Frame<'_>, depth: &Texture, surface: &Texture, through: &Texture| {
+        let surfaces = SpecularSurfaces { depth, surface, through: Some(through), opaque_depth };
+        pass.record_follow(frame, groups, surfaces, (radiance, room));
+    })
 }
 
 /// Lets geometry, and the trees over it, follow the scene's pose.

@@ -311,6 +311,7 @@ impl Renderer {
             share: of_frames,
         };
         let photons = traces.then(|| PhotonPlan::new(&settings.caustics, &wanted)).flatten();
+        let follows = settings.follows_mirrors() && scene.specular.bounds_ws().is_some();
         let holds = |held: bool, bit: u32| if held { bit } else { 0 };
         let data = FrameData {
             clip_from_ws: clip_from_ws.to_cols_array_2d(),
@@ -339,7 +340,8 @@ impl Renderer {
             environment_turn: [turn.cos(), turn.sin()],
             gathers: holds(gathers, FrameData::BOUNCED)
                 | holds(gathers && lit_by_sources, FrameData::SOURCED)
-                | holds(photons.is_some(), FrameData::CAUSTICS),
+                | holds(photons.is_some(), FrameData::CAUSTICS)
+                | holds(follows, FrameData::FOLLOWED),
             mirrors_sources: f32::from(u8::from(around.nits == Vec3::ZERO)),
             show_direct,
             show_indirect,
@@ -398,6 +400,12 @@ impl Renderer {
                 pass.room(gpu, &self.pool, size_px, &mut rooms.photons)?;
             }
             None => rooms.photons = None,
+        }
+        match passes.specular.as_ref().filter(|_| follows) {
+            Some(pass) => {
+                pass.room(gpu, &self.pool, size_px, &mut rooms.specular);
+            }
+            None => rooms.specular = None,
         }
         let targets = (scene.gpu.unlit, state.wants_parts, photons.is_some());
         passes.direct.room(gpu, &self.pool, (size_px, grid), targets, &mut rooms.light);

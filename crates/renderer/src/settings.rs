@@ -11,6 +11,7 @@ use chiaro_techniques::indirect::{IndirectSettings, Technique};
 use chiaro_techniques::post::{Aov, CameraSettings, PostSettings, Smoothing};
 use chiaro_techniques::settings::{Clause, Condition, Effect, Field, SettingsGroup, Value};
 use chiaro_techniques::shadow::{Layout, ShadowSettings};
+use chiaro_techniques::specular::{SpecularSettings, SpecularTechnique};
 use chiaro_techniques::view::raster::ComputeRaster;
 use chiaro_techniques::view::{Raster, SurfaceSettings};
 
@@ -99,6 +100,8 @@ groups! {
     indirect: IndirectSettings;
     /// `caustics.*`
     caustics: CausticsSettings;
+    /// `specular.*`
+    specular: SpecularSettings;
     /// `post.*`
     post: PostSettings;
 }
@@ -249,7 +252,17 @@ impl Settings {
 
     /// Whether any technique shoots rays through the scene's trees.
     pub fn shoots_rays(&self) -> bool {
-        self.shoots_rays_at_all() || self.caustics.technique.makes_any()
+        self.shoots_rays_at_all() || self.shoots_rays_at_mirrors()
+    }
+
+    /// Whether any does where something mirrors or refracts.
+    pub(crate) fn shoots_rays_at_mirrors(&self) -> bool {
+        self.caustics.technique.makes_any() || self.follows_mirrors()
+    }
+
+    /// Whether rays follow what mirrors and smooth glass show.
+    pub(crate) fn follows_mirrors(&self) -> bool {
+        self.specular.technique == SpecularTechnique::Rays
     }
 
     /// Whether any does whatever a scene holds: caustics have none where nothing mirrors or refracts.

@@ -7,6 +7,7 @@ use chiaro_techniques::frame::FrameGroup;
 use chiaro_techniques::indirect::SkyView;
 use chiaro_techniques::post::AntialiasRoom;
 use chiaro_techniques::shadow::ShadowRoom;
+use chiaro_techniques::specular::SpecularRoom;
 use chiaro_techniques::transparency::LayerRoom;
 use chiaro_techniques::view::culling::ListRoom;
 use chiaro_techniques::view::{MotionRoom, SurfaceRoom, ViewTable};
@@ -42,6 +43,7 @@ pub(crate) struct Rooms {
     pub antialias: Option<AntialiasRoom>,
     pub indirect: IndirectRooms,
     pub photons: Option<PhotonRoom>,
+    pub specular: Option<SpecularRoom>,
 }
 
 /// What frames leave for the next.
@@ -69,6 +71,7 @@ impl ViewState {
                 antialias: None,
                 indirect: IndirectRooms::default(),
                 photons: None,
+                specular: None,
             },
             history: Histories::default(),
             notes: Vec::new(),

@@ -24,6 +24,7 @@ pub mod settings;
 pub mod shaders;
 pub mod shadow;
 pub mod shared;
+pub mod specular;
 pub mod transparency;
 pub mod view;
 

@@ -174,6 +174,9 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shared/hash.wesl"),
     shader!("shared/oct.wesl"),
     shader!("shared/pair.wesl"),
+    shader!("specular/copy.cs.wesl"),
+    shader!("specular/follow.vs.wesl"),
+    shader!("specular/followed.wesl"),
     shader!("transparency/behind.cs.wesl"),
     shader!("transparency/shade.cs.wesl"),
     shader!("view/barycentrics.wesl"),
@@ -252,6 +255,7 @@ pub fn permutations() -> Vec<Permutation> {
         "shadow/fit.cs.wesl",
         "shadow/tint.vs.wesl",
         "shared/albedo_table.cs.wesl",
+        "specular/copy.cs.wesl",
         "view/cull_count.cs.wesl",
         "view/cull_expand.cs.wesl",
         "view/cull_scan.cs.wesl",
@@ -264,6 +268,7 @@ pub fn permutations() -> Vec<Permutation> {
         all.push(resolve(a, false));
         all.push(resolve(a, true));
         all.push(behind(a));
+        all.push(specular_follow(a));
         all.push(motion_vectors(a));
         all.push(accumulate(a));
         all.extend([ism_splat(a, false), ism_splat(a, true), edges(a), cluster_update(a)]);
@@ -334,6 +339,11 @@ pub fn motion_vectors(layered: bool) -> Permutation {
 /// The picture so far and its mips; `whole` copies it too.
 pub fn behind(whole: bool) -> Permutation {
     Permutation::plain("transparency/behind.cs.wesl").flag("whole", whole)
+}
+
+/// What mirrors and smooth glass show; `layered`: see-through layers.
+pub fn specular_follow(layered: bool) -> Permutation {
+    Permutation::plain("specular/follow.vs.wesl").flag("layered", layered)
 }
 
 /// A layer of see-through surfaces over what is behind it.

@@ -16,7 +16,7 @@ const FLOORS: [&[&str]; 7] = [
     &["shared", "scene"],
     &["view", "light", "rays"],
     &["paths"],
-    &["environment", "shadow", "indirect", "caustics"],
+    &["environment", "shadow", "indirect", "caustics", "specular"],
     &["direct", "transparency", "reference"],
     &["post"],
 ];

@@ -57,7 +57,7 @@ impl FrameData {
             environment_nits: 0.0,
             environment_share: 0.0,
             show_direct: 0.0,
-            gathers: 0,
+            gathers: self.gathers & Self::FOLLOWED,
             show_indirect: 0.0,
             show_caustics: 0.0,
             show_unlit: weight,
@@ -71,11 +71,18 @@ impl FrameData {
     pub const SOURCED: u32 = 2;
     /// Of `gathers`: `caustics` holds light through mirrors and glass.
     pub const CAUSTICS: u32 = 4;
+    /// Of `gathers`: rays follow what mirrors and smooth glass show, and shading leaves it out.
+    pub const FOLLOWED: u32 = 8;
 
     /// The same view of direct light alone, as far as it is shown.
     #[must_use]
     pub fn direct_only(&self) -> Self {
-        Self { gathers: self.gathers & Self::SOURCED, show_indirect: 0.0, show_caustics: 0.0, ..*self }
+        Self {
+            gathers: self.gathers & (Self::SOURCED | Self::FOLLOWED),
+            show_indirect: 0.0,
+            show_caustics: 0.0,
+            ..*self
+        }
     }
 
     /// The same view of caustics alone, as far as they are shown.
@@ -83,7 +90,7 @@ impl FrameData {
     pub fn caustics_only(&self) -> Self {
         Self {
             radiance_scale: self.radiance_scale,
-            gathers: self.gathers & Self::CAUSTICS,
+            gathers: self.gathers & (Self::CAUSTICS | Self::FOLLOWED),
             show_caustics: self.show_caustics,
             ..self.without_light(0.0)
         }

@@ -62,6 +62,9 @@ pub struct Transparency {
 /// Gathers the light of a layer by its depth and surface.
 pub type GatherLayer<'a> = &'a dyn Fn(&mut Frame<'_>, &Texture, &Texture) -> Gathered;
 
+/// Adds what a layer mirrors and lets through to the picture, by its depth and surface and by what passes it.
+pub type FollowLayer<'a> = &'a dyn Fn(&mut Frame<'_>, &Texture, &Texture, &Texture);
+
 /// Layers of one size.
 #[derive(Debug)]
 pub struct LayerRoom {
@@ -178,13 +181,13 @@ impl Transparency {
     }
 
     /// Lays the see-through surfaces of a view over `radiance`, the picture of what is opaque with its depth. `gather` finds
-    /// the indirect light of each layer, where there is any.
+    /// the indirect light of each layer, where there is any; `follow` adds what smooth glass shows, where rays follow it.
     pub fn record(
         &self,
         frame: &mut Frame<'_>,
         (frame_group, scene): (&Group, &SceneGpu),
         (table, lists, view): (&ViewTable, &DrawLists, u32),
-        (light, gather): (LightInputs<'_>, Option<GatherLayer<'_>>),
+        (light, gather, follow): (LightInputs<'_>, Option<GatherLayer<'_>>, Option<FollowLayer<'_>>),
         opaque_depth: &Texture,
         (radiance, room): (&Texture, &LayerRoom),
     ) {
@@ -221,6 +224,9 @@ impl Transparency {
                 ("radiance", radiance.into()),
             ]);
             frame.compute("transparency/shade", &self.shade, shared, &binds, pixels);
+            if let Some(follow) = follow {
+                follow(frame, depth, &room.surface, &room.through);
+            }
         }
     }
 

@@ -47,6 +47,7 @@ mod shadow_traced;
 mod shadows;
 mod sky;
 mod sources;
+mod specular;
 mod strict;
 mod surface;
 mod textures;
