@@ -185,7 +185,7 @@ impl Film {
         let gpu = device();
         let bytes = found.map(|handle| match handle {
             chiaro::Handle::Buffer(buffer) => BufferReadback::start(&gpu, &buffer).wait(&gpu).unwrap(),
-            _ => panic!("no buffer"),
+            chiaro::Handle::Texture(_) => panic!("no buffer"),
         });
         (recorder.log().iter().filter(|pass| pass.name == "indirect/sources").count(), bytes.concat())
     }
