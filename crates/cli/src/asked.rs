@@ -49,6 +49,9 @@ pub fn tell_notes(session: &Session) {
 
 /// The scene that is asked for, or the default.
 pub fn source(args: &SceneArgs) -> Source {
+    if let Some(model) = &args.caster {
+        return Source::Caster(model.clone());
+    }
     let Some(image) = &args.terrain.height_map else {
         let name = args.scene.clone();
         return name.unwrap_or_else(|| format!("builtin:{}", scene::builtin::DEFAULT)).into();

@@ -54,7 +54,7 @@ pub fn indirect(args: &BenchArgs) -> anyhow::Result<()> {
     let folder = args.output.as_deref().unwrap_or(Path::new(FOLDER));
     let mut scene = args.scene.clone();
     scene.look.size.get_or_insert(SIZE);
-    if scene.terrain.height_map.is_none() {
+    if scene.terrain.height_map.is_none() && scene.caster.is_none() {
         scene.scene.get_or_insert_with(|| MOVING_SCENE.into());
     }
     let base = indirect::base(asked::settings(&args.settings)?)?;

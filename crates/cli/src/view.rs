@@ -19,6 +19,9 @@ pub fn run(args: &ViewArgs) -> anyhow::Result<()> {
         Source::Named(name) if name.starts_with("builtin:") => None,
         Source::Named(name) => Some(Path::new(name)),
         Source::HeightMap(map) => Some(map.image.as_path()),
+        Source::Caster(model) => {
+            Some(model.as_path()).filter(|model| !model.to_string_lossy().starts_with("builtin:"))
+        }
     };
     if file.is_some_and(|file| !file.exists()) {
         bail!("{scene}: there is no such file; `chiaro scenes` lists the built-in scenes");

@@ -312,6 +312,29 @@ fn settings_that_do_not_go_together_are_wrong_usage() {
 }
 
 #[test]
+fn a_caster_takes_the_rings_place_or_is_refused_in_one_sentence() {
+    let [empty, pane] =
+        [("empty.obj", ""), ("pane.obj", "v 1 0 0\nv 0 1 0\nv 0 0 0\nf 1 2 3\n")].map(|(name, faces)| {
+            let path = scratch(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, format!("v 0 0 0\n{faces}")).unwrap();
+            path.to_str().unwrap().to_owned()
+        });
+    for command in [&["render"][..], &["view"], &["reference", "-o", "no.exr"], &["bench"]] {
+        let with = |more: &[&str]| chiaro(&[command, &["--caster"], more].concat());
+        assert_fails(&with(&[&pane, "builtin:ring"]), 2, &["cannot be used with"]);
+        assert_fails(&with(&["absent.obj"]), 1, &["absent.obj"]);
+        if command != ["view"] {
+            assert_fails(&with(&[&empty]), 1, &["empty.obj", "draws nothing", "triangles"]);
+        }
+    }
+    let picture = scratch("caster.png");
+    let flags = ["--size", "16x12", "--samples", "1", "-o", picture.to_str().unwrap()];
+    let output = chiaro(&[&["render", "--caster", &pane][..], &flags].concat());
+    assert!(output.status.success() && picture.exists(), "{}", text(&output.stderr));
+}
+
+#[test]
 fn terrain_is_made_of_a_picture_or_refused_in_one_sentence() {
     let map = scratch("heights.png");
     std::fs::create_dir_all(map.parent().unwrap()).unwrap();

@@ -389,6 +389,22 @@ impl Material {
         .into_iter()
         .flatten()
     }
+
+    pub(crate) fn texture_refs_mut(&mut self) -> impl Iterator<Item = &mut TextureRef> {
+        [
+            &mut self.base_color_texture,
+            &mut self.metallic_roughness_texture,
+            &mut self.specular_texture,
+            &mut self.specular_color_texture,
+            &mut self.normal_texture,
+            &mut self.occlusion_texture,
+            &mut self.emissive_texture,
+            &mut self.transmission_texture,
+            &mut self.thickness_texture,
+        ]
+        .into_iter()
+        .flatten()
+    }
 }
 
 /// A material's use of a texture.

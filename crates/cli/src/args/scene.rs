@@ -19,6 +19,9 @@ pub struct SceneArgs {
     /// Which scene of a file that holds several, by its number from 0 or by its name [default: the file's own choice]
     #[arg(long = "scene", value_name = "INDEX|NAME")]
     pub scene_in_file: Option<String>,
+    /// Instead of a scene: builtin:ring with this model (.glb, .gltf, .obj or builtin:NAME) in the place of its ring, as large as it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "scene_in_file", "height_map"])]
+    pub caster: Option<PathBuf>,
     /// Terrain in the scene's place
     #[command(flatten)]
     pub terrain: TerrainArgs,

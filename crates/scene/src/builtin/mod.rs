@@ -1,6 +1,7 @@
 //! Scenes made by code: closed bodies, shared meshes, painted textures; no files.
 
 mod arch;
+mod caster;
 mod cornell;
 mod courtyard;
 mod curve;
@@ -28,6 +29,7 @@ mod tests;
 mod texture;
 mod wall;
 
+pub(crate) use caster::ring_with;
 pub(crate) use height_field::{HeightField, height_field};
 
 use crate::Scene;

@@ -26,8 +26,9 @@ pub fn build() -> Scene {
     table(&mut stage, oak, vec3(0.30, 0.33, 0.33));
     book(&mut stage);
 
-    let gold = stage.material(metal("gold", vec3(1.0, 0.766, 0.336), 0.06));
-    let silver = stage.material(metal("silver", vec3(0.972, 0.960, 0.915), 0.05));
+    // Polished: what is rougher throws no caustic.
+    let gold = stage.material(metal("gold", vec3(1.0, 0.766, 0.336), 0.0));
+    let silver = stage.material(metal("silver", vec3(0.972, 0.960, 0.915), 0.0));
     let page = BOOK + Vec3::Y * PAGES_M;
     let bangle = stage.mesh("bangle", band(0.0320, 0.0030, 0.022, 256, gold));
     stage.place(bangle, page + vec3(0.082, 0.011, 0.012), false);
