@@ -125,7 +125,7 @@ fn a_truth_may_be_a_file_less_another() {
                 "--samples",
                 "1",
                 "--technique",
-                "default",
+                "default:indirect.technique=ambient",
                 "-o",
                 "report",
             ],
@@ -179,7 +179,7 @@ fn a_moving_picture_is_judged_frame_by_frame() {
         "--timed-frames",
         "0",
         "--technique",
-        "default",
+        "default:indirect.technique=ambient",
         "-o",
         "report",
     ];

@@ -11,13 +11,13 @@ use chiaro_image::{
     CompareOptions, Comparison, Image, Layers, Precision, read, read_layers, write_exr, write_layers,
 };
 
-use program::text;
+use program::{cheap, text};
 
 const SCENE: [&str; 3] = ["builtin:cornell", "--size", "64x48"];
 
 fn command(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_chiaro"));
-    command.args(arguments);
+    command.args(cheap(arguments));
     command
 }
 

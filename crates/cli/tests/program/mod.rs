@@ -34,7 +34,7 @@ pub fn folder(tests: &str, name: &str) -> PathBuf {
 #[allow(dead_code)]
 pub fn cheap<'a>(arguments: &[&'a str]) -> Vec<&'a str> {
     let (command, rest) = arguments.split_at(1.min(arguments.len()));
-    let draws = matches!(command, ["render" | "bench" | "compare"]);
+    let draws = matches!(command, ["render" | "bench" | "compare" | "sweep"]);
     let light: &[_] = if draws { &["--set", "indirect.technique=ambient"] } else { &[] };
     [command, light, rest].concat()
 }
