@@ -2,7 +2,7 @@
 //! "Sequential Monte Carlo Instant Radiosity", section 5; Yang, Liu & Salvi 2020, "A Survey of Temporal Antialiasing
 //! Techniques").
 //!
-//! What arrives at a place does not depend on the eye. So the mean is looked up where the place was ([`crate::view::motion_vectors`])
+//! What arrives at a place does not depend on the eye. So the mean is looked up where the place was ([`crate::view::MotionOutputs`])
 //! and this frame is added as one of n + 1, of n that the mean is of.
 //!
 //! | input | format | space, unit |

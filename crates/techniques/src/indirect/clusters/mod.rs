@@ -10,7 +10,7 @@
 //! | start | VPLs and their number, a copy of both | `centres` without those of a last frame, `cluster_length`: f32, m | a workgroup |
 //! | assign, three times | those | `assigned`: u32, the cluster of each VPL | a lane a VPL |
 //! | update, after all but the last | those | `centres`: position, world space, m; unit normal | a workgroup a cluster |
-//! | emit, after the last | those | [`Vpl`](super::Vpl)s of the first bounce, in the place of those that there were | the same |
+//! | emit, after the last | those | [`Vpl`]s of the first bounce, in the place of those that there were | the same |
 //! | finish | those | `vpl_count` of the first bounce | a workgroup |
 //!
 //! # Distance

@@ -8,7 +8,7 @@
 //! | step | reads | writes | by |
 //! | --- | --- | --- | --- |
 //! | choice (CPU, any thread), once a scene | scene at rest | `source_pool`: places, three u32 each, and directions, four u32 each | |
-//! | place | those, scene | VPLs of the set [`SOURCES`](super::SOURCES), `vpl_count` | a lane each |
+//! | place | those, scene | VPLs of the set [`SOURCES`], `vpl_count` | a lane each |
 //! | their maps: [`super::ism`] | | | |
 //! | what they give: [`super::gather`] | | `irradiance` of direct light | |
 //! | VPLs where they shine: [`super::bounces`] | | VPLs of the set [`SCATTERED`](super::SCATTERED) | |
