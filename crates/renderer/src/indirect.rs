@@ -1,8 +1,8 @@
 //! Indirect light by virtual lights, as a frame makes it: their places, their shadows, and what they give the picture.
 
-use chiaro_gpu::{Buffer, Frame, Gpu, Group, Texture, TexturePool, wgpu};
+use chiaro_gpu::{Buffer, Frame, Gpu, Group, Texture, TexturePool};
 use chiaro_techniques::frame::LightData;
-use chiaro_techniques::indirect::accumulate::{Accumulate, AccumulateInputs, AccumulateRoom, Allowed};
+use chiaro_techniques::indirect::accumulate::{Accumulate, Allowed};
 use chiaro_techniques::indirect::bounces::{BounceRoom, Bounces};
 use chiaro_techniques::indirect::clusters::{ClusterRoom, Clusters};
 use chiaro_techniques::indirect::compensate::{Compensate, CompensateInputs, CompensateRoom};
@@ -21,6 +21,10 @@ use chiaro_techniques::view::{MotionOutputs, Surfaces, ViewData, ViewTable};
 use glam::Vec3;
 
 use crate::{Error, Settings};
+
+mod kept;
+
+use kept::{Means, Rested};
 
 /// What makes it.
 #[derive(Clone, Copy)]
@@ -69,8 +73,9 @@ pub(crate) struct IndirectRooms {
     clusters: Option<ClusterRoom>,
     compensate: Option<CompensateRoom>,
     sources: Option<SourceRoom>,
-    // What the virtual lights of what shines itself, and their maps, were made from; none where they have to be made.
-    rested: Option<Rested>,
+    // What the virtual lights of what shines itself, and their maps, were made from, and the generation of the scene's pose; none
+    // where they have to be made.
+    rested: Option<(Rested, u64)>,
     gather: LightRooms,
     // Light of opaque surfaces, in moving pictures.
     accumulated: Means,
@@ -80,67 +85,12 @@ pub(crate) struct IndirectRooms {
     pictures: Option<PictureRoom>,
 }
 
-/// What virtual lights of what shines itself, those where they shine, and the maps of both are made from, and lie in.
-#[derive(Clone, Debug, PartialEq)]
-struct Rested {
-    settings: IndirectSettings,
-    slots: Slots,
-    seed: u32,
-    scene: u64,
-    points: u64,
-    around: Surroundings,
-    rooms: [wgpu::Buffer; 2],
-    pose: u64,
-}
-
-impl Rested {
-    /// Whether they are what they would be if they were made again, `now` and in this `scene`.
-    fn holds(&self, now: &Self, scene: &SceneGpu) -> bool {
-        let is_still = match now.pose.wrapping_sub(self.pose) {
-            0 => true,
-            1 => scene.motion.moved_bounds_ws().next().is_none(),
-            _ => false,
-        };
-        let then = Self { pose: now.pose, ..self.clone() };
-        is_still && then == *now
-    }
-}
-
 /// Light of both kinds.
 #[derive(Debug, Default)]
 struct LightRooms {
     bounced: Option<GatherRoom>,
     // Where anything shines itself.
     sourced: Option<GatherRoom>,
-}
-
-/// Means over frames of light of both kinds.
-#[derive(Debug, Default)]
-struct Means {
-    bounced: Option<AccumulateRoom>,
-    sourced: Option<AccumulateRoom>,
-}
-
-impl Means {
-    fn record(
-        &mut self,
-        frame: &mut Frame<'_>,
-        accumulate: &Accumulate,
-        (surface, motion, allowed): (&Texture, &MotionOutputs, Allowed),
-        light: Gathered,
-    ) -> Gathered {
-        let mut mean = |irradiance: Texture, room: &mut Option<AccumulateRoom>| match room {
-            Some(room) => {
-                let inputs = AccumulateInputs { irradiance: &irradiance, surface, motion, allowed };
-                accumulate.record(frame, &inputs, room)
-            }
-            None => irradiance,
-        };
-        Gathered {
-            bounced: mean(light.bounced, &mut self.bounced),
-            sourced: light.sourced.map(|light| mean(light, &mut self.sourced)),
-        }
-    }
 }
 
 /// What a frame asks for.
@@ -391,6 +341,7 @@ impl IndirectRooms {
             // Clusters are made from lights that lie where these would.
             (Some(room), Some(points)) if plan.moves && slots.shine() && !indirect.makes_clusters() => {
                 Some(Rested {
+                    made_by: passes.rsm.id(),
                     settings: indirect.clone(),
                     slots: *slots,
                     seed,
@@ -398,12 +349,18 @@ impl IndirectRooms {
                     points: points.id(),
                     around: plan.around,
                     rooms: [placed.vpls.raw().clone(), room.atlases()[0].words.raw().clone()],
-                    pose: scene.gpu.motion.generation(),
                 })
             }
             _ => None,
         };
-        let rest = matches!((&self.rested, &now), (Some(had), Some(now)) if had.holds(now, scene.gpu));
+        let pose = scene.gpu.motion.generation();
+        let now = now.map(|now| (now, pose));
+        let rest = match (&self.rested, &now) {
+            (Some((had, pose)), Some((now, _))) => {
+                had == now && !scene.gpu.motion.moved_since(*pose, |_| true)
+            }
+            _ => false,
+        };
         self.rested = now;
         if let (Some(clusters), Some(room)) = (passes.clusters, &mut self.clusters) {
             clusters.record(frame, (indirect, plan.round), (scene.gpu.id(), plan.moves), placed, room);

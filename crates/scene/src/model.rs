@@ -537,7 +537,26 @@ pub enum LightKind {
     },
 }
 
+/// What is smoother mirrors exactly and refracts without blur. Twin of `SMOOTH` in `bsdf.wesl`.
+const SMOOTH: f32 = 0.01;
+
 impl Scene {
+    /// Whether a material of this scene mirrors exactly or lets light through without blur somewhere; its textures are looked
+    /// through.
+    pub fn is_specular(&self, material: &Material) -> bool {
+        let reflects = material.metallic > 0.0 || material.specular > 0.0 || material.transmission > 0.0;
+        if material.reflection != Reflection::MetallicRoughness || !reflects {
+            return false;
+        }
+        // The smoothest texel decides.
+        let texture = material.metallic_roughness_texture.as_ref();
+        let least = texture.map_or(1.0, |reference| {
+            let image = &self.images[self.textures[reference.texture].image];
+            f32::from(image.rgba.chunks_exact(4).map(|texel| texel[1]).min().unwrap_or(255)) / 255.0
+        });
+        material.roughness * least < SMOOTH
+    }
+
     /// World transform of every node at rest, in node order.
     pub fn world_from_node(&self) -> Vec<Affine3A> {
         self.rest().world_from_node

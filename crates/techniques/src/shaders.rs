@@ -171,6 +171,7 @@ pub const MODULES: &[(&str, &str)] = &[
     shader!("shared/depth.wesl"),
     shader!("shared/disc.wesl"),
     shader!("shared/footprint.wesl"),
+    shader!("shared/full_screen.wesl"),
     shader!("shared/hash.wesl"),
     shader!("shared/oct.wesl"),
     shader!("shared/pair.wesl"),

@@ -2,12 +2,10 @@
 
 use glam::Vec3;
 
-use crate::{Id, Material, Node, Scene, Transform};
+use crate::{Id, Node, Scene, Transform};
 
 /// The bangle's name.
 const STOOD_FOR: &str = "bangle";
-/// Mirrors and glass without blur have a lower roughness: rougher ones cause no caustics.
-const ROUGH: f32 = 0.01;
 
 /// `builtin:ring` with a model where the bangle lies, as large as it is and on the same page. The model keeps the materials of what
 /// mirrors or refracts without blur; where nothing of it does, all of it is of the bangle's gold. Its lamps and cameras stay away.
@@ -17,7 +15,8 @@ pub(crate) fn ring_with(model: Scene) -> Option<Scene> {
     let mut scene = super::ring::build();
     let place = scene.nodes.iter().position(|node| node.name == STOOD_FOR)?;
     let gold = scene.meshes[scene.nodes[place].mesh?].primitives[0].material;
-    let (ring_lo, ring_hi) = bounds_of(&scene, place)?;
+    // Nothing else is of gold.
+    let (ring_lo, ring_hi) = scene.bounds_of(&scene.pose(0.0), |material| material == gold)?;
 
     let largest = (hi - lo).max_element();
     let scale = if largest > 0.0 { (ring_hi - ring_lo).max_element() / largest } else { 1.0 };
@@ -29,21 +28,9 @@ pub(crate) fn ring_with(model: Scene) -> Option<Scene> {
         rotation: glam::Quat::IDENTITY,
         scale: Vec3::splat(scale),
     };
-    let keeps = model.materials.iter().any(is_specular);
+    let keeps = model.materials.iter().any(|material| model.is_specular(material));
     adopt(&mut scene, place, model, (!keeps).then_some(gold));
     Some(scene)
-}
-
-fn is_specular(material: &Material) -> bool {
-    material.roughness < ROUGH && (material.transmission > 0.0 || material.metallic > 0.0)
-}
-
-/// Around what a node draws, at rest.
-fn bounds_of(scene: &Scene, node: Id) -> Option<(Vec3, Vec3)> {
-    let world = scene.world_from_node()[node];
-    let primitives = &scene.meshes[scene.nodes[node].mesh?].primitives;
-    let places = primitives.iter().flat_map(|p| &p.positions).map(|p| world.transform_point3(*p));
-    places.map(|p| (p, p)).reduce(|(lo, hi), (p, _)| (lo.min(p), hi.max(p)))
 }
 
 /// Hangs all that a model draws below a node; all of it of one material where one is given.
@@ -105,8 +92,8 @@ mod tests {
         let (nodes, animations) = (model.nodes.len(), model.animations.len());
         let before = build("ring").unwrap();
         let place = before.nodes.iter().position(|node| node.name == STOOD_FOR).unwrap();
-        let (lo, hi) = bounds_of(&before, place).unwrap();
         let gold = before.meshes[before.nodes[place].mesh.unwrap()].primitives[0].material;
+        let (lo, hi) = before.bounds_of(&before.pose(0.0), |material| material == gold).unwrap();
         let scene = ring_with(model).unwrap();
         scene.validate().unwrap();
         assert_eq!(scene.nodes.len(), before.nodes.len() + nodes);

@@ -124,11 +124,7 @@ impl ViewData {
 
     /// Whether anything that may be seen has moved since a pose of this number; of poses before the last nobody knows.
     pub(crate) fn sees_moved(&self, motion: &SceneMotion, pose: u64) -> bool {
-        match motion.generation().wrapping_sub(pose) {
-            0 => false,
-            1 => motion.moved_bounds_ws().any(|(lo, hi)| self.sees(0.5 * (lo + hi), 0.5 * lo.distance(hi))),
-            _ => true,
-        }
+        motion.moved_since(pose, |(lo, hi)| self.sees(0.5 * (lo + hi), 0.5 * lo.distance(hi)))
     }
 }
 

@@ -227,6 +227,11 @@ impl Rsm {
         Ok(RsmPlan { views, drawn: due, waiting })
     }
 
+    /// Tells the passes of one compilation from those of others, which need not draw alike.
+    pub fn id(&self) -> u64 {
+        self.id
+    }
+
     /// Draws the maps that were planned.
     pub fn record(&self, frame: &mut Frame<'_>, inputs: &RsmInputs<'_>, room: &mut RsmRoom) {
         let RsmInputs { group, scene, surfaces, plan, table, first, .. } = *inputs;

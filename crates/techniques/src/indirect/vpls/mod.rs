@@ -248,7 +248,7 @@ impl Vpls {
         let VplSet { seed, round, drift, continues } = set;
         let by_view = settings.sampling == VplSampling::View;
         let evenly = settings.sampling == VplSampling::Halton;
-        let goes_on = continues && std::mem::replace(&mut room.has_worths, by_view);
+        let goes_on = std::mem::replace(&mut room.has_worths, by_view) && continues;
         let data = SamplingData {
             tiles: plan.tiles(),
             views: plan.views.len() as u32,

@@ -358,8 +358,18 @@ impl SceneMotion {
         self.generation
     }
 
+    /// Whether anything has moved since a generation of whose box, two corners in world space, `counts` holds; of generations before
+    /// the last nobody knows.
+    pub fn moved_since(&self, generation: u64, counts: impl Fn((Vec3, Vec3)) -> bool) -> bool {
+        match self.generation.wrapping_sub(generation) {
+            0 => false,
+            1 => self.moved_bounds_ws().any(counts),
+            _ => true,
+        }
+    }
+
     /// Corners of boxes in world space around everything that moved with the last pose, where it is and where it was.
-    pub fn moved_bounds_ws(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
+    fn moved_bounds_ws(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
         self.bounds.iter().chain(&self.bounds_before).copied()
     }
 
