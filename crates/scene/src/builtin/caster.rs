@@ -10,8 +10,8 @@ const STOOD_FOR: &str = "bangle";
 /// `builtin:ring` with a model where the bangle lies, as large as it is and on the same page. The model keeps the materials of what
 /// mirrors or refracts without blur; where nothing of it does, all of it is of the bangle's gold. Its lamps and cameras stay away.
 /// `None` where the model draws nothing.
-pub(crate) fn ring_with(model: Scene) -> Option<Scene> {
-    let (lo, hi) = model.bounds_at(&model.pose(0.0))?;
+pub(crate) fn ring_with(mut model: Scene) -> Option<Scene> {
+    let (lo, hi) = centred(&mut model)?;
     let mut scene = super::ring::build();
     let place = scene.nodes.iter().position(|node| node.name == STOOD_FOR)?;
     let gold = scene.meshes[scene.nodes[place].mesh?].primitives[0].material;
@@ -31,6 +31,19 @@ pub(crate) fn ring_with(model: Scene) -> Option<Scene> {
     let keeps = model.materials.iter().any(|material| model.is_specular(material));
     adopt(&mut scene, place, model, (!keeps).then_some(gold));
     Some(scene)
+}
+
+/// Moves a model to the origin, and tells its bounds there.
+fn centred(model: &mut Scene) -> Option<(Vec3, Vec3)> {
+    // Far from the origin bounds are coarse: the second time they are exact.
+    for _ in 0..2 {
+        let (lo, hi) = model.bounds_at(&model.pose(0.0))?;
+        let middle = std::mem::take(&mut model.origin) + lo.midpoint(hi).as_dvec3();
+        for root in model.nodes.iter_mut().filter(|node| node.parent.is_none()) {
+            root.offset -= middle;
+        }
+    }
+    model.bounds_at(&model.pose(0.0))
 }
 
 /// Hangs all that a model draws below a node; all of it of one material where one is given.
@@ -110,6 +123,25 @@ mod tests {
         assert!(foot(new_lo, new_hi).distance(foot(lo, hi)) < 1e-3 * large(lo, hi));
         let own = &scene.meshes[before.meshes.len()..];
         assert!(own.iter().flat_map(|mesh| &mesh.primitives).all(|primitive| primitive.material == gold));
+    }
+
+    #[test]
+    fn a_model_far_from_its_origin_lies_there_too() {
+        let mut far = build("knot").unwrap();
+        let [near, mut settled] = [far.clone(), far.clone()];
+        for root in far.nodes.iter_mut().filter(|node| node.parent.is_none()) {
+            root.offset += glam::DVec3::new(4e6, 0.0, -3e6);
+        }
+        // As files are read.
+        settled.nodes.clone_from(&far.nodes);
+        assert!(settled.settle(None));
+        let [near, far, settled] = [near, far, settled].map(|model| {
+            let scene = ring_with(model).unwrap();
+            scene.bounds_at(&scene.pose(0.0)).unwrap()
+        });
+        for (lo, hi) in [far, settled] {
+            assert!(near.0.distance(lo) < 1e-5 && near.1.distance(hi) < 1e-5, "{near:?} {lo} {hi}");
+        }
     }
 
     #[test]
